@@ -1,0 +1,1 @@
+"""What watches and commands: command line, launcher, telemetry, recording, summary."""

@@ -1,0 +1,1 @@
+"""Estimation: target models, the range-bearing sensor, the distributed block information filter."""

@@ -1,0 +1,1 @@
+"""Flight: autopilot link, setpoint stream, flight state machine."""

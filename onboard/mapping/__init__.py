@@ -1,0 +1,1 @@
+"""Mapping: the visibility grid, its frontiers and the exploration landmarks on them."""

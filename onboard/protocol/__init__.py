@@ -1,0 +1,1 @@
+"""MAVLink: the dialect, codecs between values and messages, asyncio transports."""

@@ -1,0 +1,1 @@
+"""What stands in for the physical world: vehicles, autopilots, motion capture, target robots, detector, radio."""
