@@ -60,7 +60,7 @@ class RangeBearingSensor:
         )
 
     def position_jacobian(self, pose: Pose, north_m: float, east_m: float) -> NDArray[np.float64]:
-        """Rows of ∇h with respect to (north, east), shape (2, 2): 1 and rad/m. Eq. (14), r floored at ``min_range_m``."""
+        """∇h with respect to (north, east), shape (2, 2), rows in 1 and rad/m; eq. (14), r floored at ``min_range_m``."""
         north, east = north_m - pose.north_m, east_m - pose.east_m
         distance = math.hypot(north, east)
         if distance > 0.0:

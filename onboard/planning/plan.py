@@ -16,8 +16,8 @@ class Budget:
 
     Attributes:
         deadline_s: Instant on ``time.perf_counter``'s clock at which the plan must be back, s; None for no deadline.
-        nodes: Number of successors that may be generated; None for the planner's memory bound. With a node budget and no
-            deadline the same problem gives the same plan on every run.
+        nodes: Number of successors that may be generated; None for the planner's memory bound. With a node budget and
+            no deadline the same problem gives the same plan on every run.
     """
 
     deadline_s: float | None = None

@@ -74,8 +74,8 @@ class Problem:
         sensor: The robot's own sensor; teammates have the same.
         blocks: Targets and landmarks.
         teammates: Fixed plans of the robots that planned before.
-        fence: (K, 2) corners north m, east m of a simple polygon to stay inside, or None. A pose is feasible when it is
-            inside and the robot can still brake: turning as tightly as its primitives allow, or stopping if it can hover.
+        fence: (K, 2) corners north m, east m of a simple polygon to stay inside, or None. A pose is feasible when it
+            is inside and the robot can still brake: turn as tightly as its primitives allow, or stop if it can hover.
         obstacles: Static obstacles, or None.
     """
 
