@@ -1,0 +1,269 @@
+"""The scenario: what a team flies, with which models, over which links.
+
+Everything that the onboard process needs is here; what is simulated is in ``simulation.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from onboard.config.base import NonNegative, Positive, Section, SystemId
+from onboard.config.polygon import contains, is_simple
+from onboard.config.simulation import SimulationConfig
+from onboard.estimation.sensor import RangeBearingSensor
+from onboard.estimation.target_models import TargetModel, TargetMotion
+from onboard.geometry import Pose
+from onboard.planning.primitives import Primitive
+
+__all__ = [
+    "EstimationConfig",
+    "ExplorationConfig",
+    "FlightConfig",
+    "GroundConfig",
+    "LinksConfig",
+    "MissionConfig",
+    "PlannerConfig",
+    "Scenario",
+    "SensorConfig",
+    "TargetsConfig",
+    "VehicleConfig",
+]
+
+MAX_SYSTEM_ID = 200
+"""Vehicles number from 1 up; ground stations and the bridge from 255 down."""
+
+LINK_URL = r"^(udpin|udpout|mcast):(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$"
+
+LinkUrl = Annotated[str, Field(pattern=LINK_URL, description="udpin:HOST:PORT, udpout:HOST:PORT or mcast:GROUP:PORT")]
+
+
+class MissionConfig(Section):
+    """The clockwork of Algorithm 3 and the area it plays in."""
+
+    step_s: Positive = Field(default=0.5, description="τ")
+    horizon: Annotated[int, Field(ge=1, le=64)] = Field(default=12, description="T, steps")
+    replan_steps: Annotated[int, Field(ge=1, le=64)] = Field(
+        default=2, description="n: steps from one epoch to the next"
+    )
+    planning_time_s: Positive = Field(default=0.5, description="T_ARVI of the whole group")
+    takeoff_time_s: Positive = Field(default=12.0, description="from the start command to step 0, to reach the layers")
+    fence: tuple[tuple[float, float], ...] = Field(description="corners [north m, east m] of the mission area")
+    separation_m: NonNegative = Field(
+        default=0.8, description="horizontal distance on one layer; layers closer are one"
+    )
+    layer_separation_m: NonNegative = Field(default=0.6, description="height difference from which layers are apart")
+
+    @field_validator("fence")
+    @classmethod
+    def _fence_is_a_polygon(cls, fence: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        if not is_simple(fence):
+            raise ValueError("a fence has at least three different corners and does not cross itself")
+        return fence
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.replan_steps > self.horizon:
+            raise ValueError(f"replan_steps = {self.replan_steps} is beyond horizon = {self.horizon}")
+        if self.planning_time_s > self.epoch_s:
+            raise ValueError(
+                f"planning_time_s = {self.planning_time_s} does not fit between epochs, "
+                f"replan_steps x step_s = {self.epoch_s} s"
+            )
+        return self
+
+    @property
+    def epoch_s(self) -> float:
+        """Time from one replanning to the next, s."""
+        return self.replan_steps * self.step_s
+
+
+class SensorConfig(Section):
+    """The range-bearing sensor of every vehicle."""
+
+    range_std_m: Positive
+    bearing_std_deg: Positive
+    max_range_m: Positive
+    fov_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
+    noise_floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    min_range_m: Positive = 0.1
+
+    def build(self) -> RangeBearingSensor:
+        """The sensor model, with angles in radians."""
+        return RangeBearingSensor(
+            range_std_m=self.range_std_m,
+            bearing_std_rad=math.radians(self.bearing_std_deg),
+            max_range_m=self.max_range_m,
+            fov_rad=math.radians(self.fov_deg),
+            noise_floor=self.noise_floor,
+            min_range_m=self.min_range_m,
+        )
+
+
+class TargetsConfig(Section):
+    """What is assumed of the targets."""
+
+    model: Literal["double_integrator", "random_walk", "static"]
+    noise: NonNegative = Field(description="q: m²/s³ for a double integrator, m²/s for a random walk")
+    initial_speed_std_m_s: Positive = 1.0
+
+    def build(self) -> TargetMotion:
+        """The motion model."""
+        return TargetMotion(TargetModel(self.model), self.noise)
+
+
+class EstimationConfig(Section):
+    """The distributed filter."""
+
+    max_message_age_steps: Annotated[int, Field(ge=0, le=100)] = 4
+    neighbour_timeout_s: Positive = 1.5
+
+
+class ExplorationConfig(Section):
+    """The visibility grid and its landmarks."""
+
+    cell_m: Positive = 0.25
+    max_landmarks: Annotated[int, Field(ge=0, le=64)] = 6
+    landmark_sigma_m: Positive = 1.0
+
+
+class PlannerConfig(Section):
+    """The search."""
+
+    node_limit: Annotated[int, Field(ge=1000, le=50_000_000)] | None = Field(default=None, description="memory bound")
+    yaw_weight_m_rad: Positive = 1.0
+
+
+class FlightConfig(Section):
+    """The setpoint stream and the flight states."""
+
+    setpoint_rate_hz: Annotated[float, Field(ge=10.0, le=200.0)] = 50.0
+    position_gain_per_s: NonNegative = 1.2
+    max_correction_m_s: NonNegative = 0.5
+    height_gain_per_s: NonNegative = 1.0
+    max_vertical_m_s: Positive = 0.8
+    return_speed_m_s: Positive = 1.0
+    return_patience_s: Positive = 20.0
+    reanchor_error_m: Positive = 0.6
+    autopilot_timeout_s: Positive = 4.5
+
+
+class LinksConfig(Section):
+    """The four links of one onboard process; what is left out follows PX4's ports for its system id."""
+
+    autopilot: LinkUrl | None = None
+    peers: LinkUrl | None = None
+    sensor: LinkUrl | None = None
+    ground: LinkUrl | None = None
+
+
+class VehicleConfig(Section):
+    """One vehicle of the team."""
+
+    id: Annotated[int, Field(ge=1, le=MAX_SYSTEM_ID)]
+    home: tuple[float, float] = Field(description="[north m, east m] of the launch pad in the mission frame")
+    home_yaw_deg: float = 0.0
+    layer_m: Positive = Field(description="height above the ground that it flies at")
+    links: LinksConfig = LinksConfig()
+
+    @property
+    def home_pose(self) -> Pose:
+        """The launch pad."""
+        return Pose(self.home[0], self.home[1], math.radians(self.home_yaw_deg))
+
+    @property
+    def autopilot_url(self) -> str:
+        """Where the autopilot is heard: UDP 14540 + id − 1 unless configured."""
+        return self.links.autopilot or f"udpin:127.0.0.1:{14540 + self.id - 1}"
+
+    @property
+    def peers_url(self) -> str:
+        """Where peers are reached: the simulated radio's port 14640 + id − 1 unless configured."""
+        return self.links.peers or f"udpout:127.0.0.1:{14640 + self.id - 1}"
+
+    @property
+    def sensor_url(self) -> str:
+        """Where detections arrive: UDP 14740 + id − 1 unless configured."""
+        return self.links.sensor or f"udpin:127.0.0.1:{14740 + self.id - 1}"
+
+    @property
+    def ground_url(self) -> str:
+        """Where the ground station is reached: UDP 14550 unless configured."""
+        return self.links.ground or "udpout:127.0.0.1:14550"
+
+
+class GroundConfig(Section):
+    """The ground station."""
+
+    url: Annotated[str, Field(pattern=r"^udpin:(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$")] = "udpin:127.0.0.1:14550"
+    system_id: SystemId = 255
+
+
+class Scenario(Section):
+    """One configuration file."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9_.\-]+$")]
+    mission: MissionConfig
+    primitives: tuple[tuple[float, float], ...] = Field(min_length=1, max_length=127)
+    sensor: SensorConfig
+    targets: TargetsConfig
+    estimation: EstimationConfig = EstimationConfig()
+    exploration: ExplorationConfig = ExplorationConfig()
+    planner: PlannerConfig = PlannerConfig()
+    flight: FlightConfig = FlightConfig()
+    vehicles: Annotated[tuple[VehicleConfig, ...], Field(min_length=1, max_length=MAX_SYSTEM_ID)]
+    ground: GroundConfig = GroundConfig()
+    simulation: SimulationConfig | None = None
+
+    @field_validator("primitives")
+    @classmethod
+    def _primitives_are_distinct(cls, primitives: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        if any(speed < 0.0 for speed, _ in primitives):
+            raise ValueError("speeds (the first number of each [m/s, rad/s]) are not negative")
+        if len(set(primitives)) != len(primitives):
+            raise ValueError("a primitive is listed twice")
+        return primitives
+
+    @model_validator(mode="after")
+    def _team_is_consistent(self) -> Self:
+        ids = [vehicle.id for vehicle in self.vehicles]
+        for vehicle_id in ids:
+            if ids.count(vehicle_id) > 1:
+                raise ValueError(f"vehicles: id {vehicle_id} is given twice; every vehicle has its own")
+        for vehicle in self.vehicles:
+            if not contains(self.mission.fence, vehicle.home):
+                raise ValueError(
+                    f"vehicles: the home {list(vehicle.home)} of vehicle {vehicle.id} is outside the fence"
+                )
+        for i, first in enumerate(self.vehicles):
+            for second in self.vehicles[i + 1 :]:
+                apart = math.dist(first.home, second.home)
+                if apart < self.mission.separation_m:
+                    raise ValueError(
+                        f"vehicles: the homes of {first.id} and {second.id} are {apart:.2f} m apart, "
+                        f"separation_m asks for {self.mission.separation_m}"
+                    )
+        if self.simulation is not None and self.simulation.system_id in ids:
+            raise ValueError(f"simulation.system_id = {self.simulation.system_id} is also a vehicle's id")
+        if self.ground.system_id in ids:
+            raise ValueError(f"ground.system_id = {self.ground.system_id} is also a vehicle's id")
+        return self
+
+    @property
+    def primitive_set(self) -> tuple[Primitive, ...]:
+        """The motion primitives that plans index."""
+        return tuple(Primitive(speed, yaw_rate) for speed, yaw_rate in self.primitives)
+
+    def vehicle(self, vehicle_id: int) -> VehicleConfig:
+        """The vehicle with this system id.
+
+        Raises:
+            KeyError: There is none; the text lists those that exist.
+        """
+        for vehicle in self.vehicles:
+            if vehicle.id == vehicle_id:
+                return vehicle
+        known = ", ".join(str(vehicle.id) for vehicle in self.vehicles)
+        raise KeyError(f"no vehicle {vehicle_id} in scenario {self.name}; it has {known}")
