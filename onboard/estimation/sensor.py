@@ -60,7 +60,7 @@ class RangeBearingSensor:
         )
 
     def position_jacobian(self, pose: Pose, north_m: float, east_m: float) -> NDArray[np.float64]:
-        """∇h with respect to (north, east), shape (2, 2), rows in 1 and rad/m; eq. (14), r floored at ``min_range_m``."""
+        """∇h by (north, east), eq. (14), shape (2, 2), rows in 1 and rad/m; r is floored at ``min_range_m``."""
         north, east = north_m - pose.north_m, east_m - pose.east_m
         distance = math.hypot(north, east)
         if distance > 0.0:
