@@ -1,0 +1,83 @@
+"""MAVLink frames to messages and back, without sockets (https://mavlink.io/en/guide/serialization.html)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from onboard.protocol import dialect as mavlink
+
+__all__ = ["BROADCAST", "Codec", "split_frames"]
+
+BROADCAST = 0
+"""Target system or component that addresses everybody."""
+
+_MAGIC_V1, _MAGIC_V2 = mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2
+_SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
+
+
+class Codec:
+    """One end of a link: numbers and packs what it sends, unpacks and checks what it receives.
+
+    Attributes:
+        rejected: Pieces of received datagrams that were no valid frame (bad checksum, garbage, truncated).
+        unknown: Valid frames of messages that the dialect does not have.
+    """
+
+    def __init__(self, system_id: int, component_id: int) -> None:
+        self.rejected = 0
+        self.unknown = 0
+        self._mavlink = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+
+    def encode(self, message: mavlink.MAVLink_message) -> bytes:
+        """The message as one MAVLink 2 frame with the next sequence number."""
+        frame = message.pack(self._mavlink)
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        return bytes(frame)
+
+    def decode(self, datagram: bytes) -> list[mavlink.MAVLink_message]:
+        """The valid messages of one datagram; what is no valid frame is counted and skipped."""
+        messages = []
+        for frame in split_frames(datagram):
+            if frame is None:
+                self.rejected += 1
+            elif message_id(frame) not in mavlink.mavlink_map:
+                self.unknown += 1
+            else:
+                try:
+                    messages.append(self._mavlink.decode(bytearray(frame)))
+                except (mavlink.MAVError, ValueError):  # a bad checksum; text that is not UTF-8
+                    self.rejected += 1
+        return messages
+
+
+def message_id(frame: bytes) -> int:
+    """The message id in a whole frame of either version."""
+    return frame[5] if frame[0] == _MAGIC_V1 else int.from_bytes(frame[7:10], "little")
+
+
+def split_frames(datagram: bytes) -> Iterator[bytes | None]:
+    """The frames of one datagram by their headers; None once for each run of bytes that is no whole frame."""
+    position, end = 0, len(datagram)
+    in_garbage = False
+    while position < end:
+        length = _frame_length(datagram, position)
+        if length is None or position + length > end:
+            if not in_garbage:
+                yield None
+            in_garbage = True
+            position += 1
+            continue
+        in_garbage = False
+        yield datagram[position : position + length]
+        position += length
+
+
+def _frame_length(data: bytes, start: int) -> int | None:
+    """Length of the frame that starts here, from its header; None when no header starts here."""
+    magic = data[start]
+    if magic == _MAGIC_V2 and start + 10 <= len(data):
+        signature = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN if data[start + 2] & _SIGNED else 0
+        return mavlink.HEADER_LEN_V2 + data[start + 1] + 2 + signature
+    if magic == _MAGIC_V1 and start + 6 <= len(data):
+        return mavlink.HEADER_LEN_V1 + data[start + 1] + 2
+    return None
