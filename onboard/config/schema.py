@@ -49,6 +49,9 @@ class MissionConfig(Section):
         default=2, description="n: steps from one epoch to the next"
     )
     planning_time_s: Positive = Field(default=0.5, description="T_ARVI of the whole group")
+    planning_lead_s: NonNegative = Field(default=0.03, description="from the last planning slot to the epoch's start")
+    publishing_time_s: NonNegative = Field(default=0.015, description="kept of each slot for publishing the plan")
+    measuring_delay_s: NonNegative = Field(default=0.08, description="from a step to its update: detections travel")
     takeoff_time_s: Positive = Field(default=12.0, description="from the start command to step 0, to reach the layers")
     fence: tuple[tuple[float, float], ...] = Field(description="corners [north m, east m] of the mission area")
     separation_m: NonNegative = Field(
@@ -67,10 +70,10 @@ class MissionConfig(Section):
     def _consistent(self) -> Self:
         if self.replan_steps > self.horizon:
             raise ValueError(f"replan_steps = {self.replan_steps} is beyond horizon = {self.horizon}")
-        if self.planning_time_s > self.epoch_s:
+        if self.planning_time_s + self.planning_lead_s > self.epoch_s:
             raise ValueError(
-                f"planning_time_s = {self.planning_time_s} does not fit between epochs, "
-                f"replan_steps x step_s = {self.epoch_s} s"
+                f"planning_time_s + planning_lead_s = {self.planning_time_s + self.planning_lead_s:g} s does not fit "
+                f"between epochs, replan_steps x step_s = {self.epoch_s:g} s"
             )
         return self
 
@@ -142,10 +145,10 @@ class FlightConfig(Section):
     setpoint_rate_hz: Annotated[float, Field(ge=10.0, le=200.0)] = 50.0
     position_gain_per_s: NonNegative = 1.2
     max_correction_m_s: NonNegative = 0.5
-    height_gain_per_s: NonNegative = 1.0
-    max_vertical_m_s: Positive = 0.8
+    velocity_lead_s: NonNegative = Field(default=0.15, description="how far ahead the velocity feed-forward is taken")
+    climb_m_s: Positive = 0.8
     return_speed_m_s: Positive = 1.0
-    return_patience_s: Positive = 20.0
+    return_patience_s: Positive = Field(default=10.0, description="how long to wait above home for teammates")
     reanchor_error_m: Positive = 0.6
     autopilot_timeout_s: Positive = 4.5
 
