@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from onboard.geometry import Pose
 from onboard.planning.primitives import Primitive, advance
 
-__all__ = ["HOVER", "Reference", "Trajectory"]
+__all__ = ["HOVER", "Hold", "PlanTrajectory", "Reference", "Trajectory", "Transfer"]
 
 HOVER = Primitive(0.0, 0.0)
 """The stop primitive."""
@@ -32,7 +33,59 @@ class Reference:
     yaw_rate_rad_s: float
 
 
-class Trajectory:
+class Trajectory(Protocol):
+    """Anything that says where the vehicle should be."""
+
+    def reference(self, time_s: float) -> Reference:
+        """What is asked for at a UNIX time."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Stay at a pose."""
+
+    pose: Pose
+
+    def reference(self, time_s: float) -> Reference:
+        """The pose, at rest."""
+        return Reference(self.pose, 0.0, 0.0, 0.0)
+
+
+class Transfer:
+    """Fly straight to a place with constant speed and heading, and stay there.
+
+    Args:
+        start_s: UNIX time at the start pose, s.
+        start: Pose at that time; its yaw is kept.
+        north_m: Where to, mission frame.
+        east_m: Where to, mission frame.
+        speed_m_s: How fast.
+    """
+
+    def __init__(self, start_s: float, start: Pose, north_m: float, east_m: float, speed_m_s: float) -> None:
+        self._start_s = start_s
+        self._start = start
+        self._end = Pose(north_m, east_m, start.yaw_rad)
+        distance = start.distance_m(self._end)
+        self._duration_s = distance / speed_m_s
+        self._velocity = (
+            ((north_m - start.north_m) / self._duration_s, (east_m - start.east_m) / self._duration_s)
+            if distance > 0.0
+            else (0.0, 0.0)
+        )
+
+    def reference(self, time_s: float) -> Reference:
+        """The point on the line; at rest at its end."""
+        elapsed = max(time_s - self._start_s, 0.0)
+        if elapsed >= self._duration_s:
+            return Reference(self._end, 0.0, 0.0, 0.0)
+        north, east = self._velocity
+        pose = Pose(self._start.north_m + elapsed * north, self._start.east_m + elapsed * east, self._start.yaw_rad)
+        return Reference(pose, north, east, 0.0)
+
+
+class PlanTrajectory:
     """Primitives held one after the other, each for a step, from a start pose and time; afterwards the vehicle stops.
 
     Args:
@@ -49,11 +102,6 @@ class Trajectory:
         self._poses = [start]
         for primitive in self._primitives:
             self._poses.append(advance(self._poses[-1], primitive, step_s))
-
-    @classmethod
-    def hold(cls, time_s: float, pose: Pose) -> Trajectory:
-        """Stay at a pose."""
-        return cls(time_s, pose, (), 1.0)
 
     @property
     def end_s(self) -> float:

@@ -1,0 +1,81 @@
+"""Who is in radio range, and who plans together: neighbours, groups and the order in them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from onboard.messages import FlightState, PeerStatus
+
+__all__ = ["Group", "TeamTable"]
+
+_PLANNING = (FlightState.HOLD, FlightState.TRACK)
+_IN_THE_WAY = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Robots that plan together: a connected component of the radio graph.
+
+    Attributes:
+        members: System ids in planning order (ascending), this robot included.
+        order: This robot's place in it, from 0.
+    """
+
+    members: tuple[int, ...]
+    order: int
+
+
+class TeamTable:
+    """What peers said of themselves lately.
+
+    Args:
+        system_id: This robot.
+        timeout_s: Silence after which a peer is out of range, s.
+    """
+
+    def __init__(self, system_id: int, timeout_s: float) -> None:
+        self._system_id = system_id
+        self._timeout_s = timeout_s
+        self._heard: dict[int, tuple[float, PeerStatus]] = {}
+
+    def receive(self, status: PeerStatus, time_s: float) -> None:
+        """Take a peer's status that arrived at a UNIX time; one's own, echoed by a multicast group, is ignored."""
+        if status.sender != self._system_id:
+            self._heard[status.sender] = (time_s, status)
+
+    def neighbours(self, time_s: float) -> tuple[int, ...]:
+        """System ids of the peers in range, ascending."""
+        return tuple(sorted(peer for peer, (heard_s, _) in self._heard.items() if time_s - heard_s <= self._timeout_s))
+
+    def status(self, peer: int, time_s: float) -> PeerStatus | None:
+        """The last status of a peer in range."""
+        heard_s, status = self._heard.get(peer, (-math.inf, None))
+        return status if time_s - heard_s <= self._timeout_s else None
+
+    def group(self, time_s: float, mission_start_s: float) -> Group:
+        """The robots of the same mission that this one reaches, over neighbours' neighbour lists, while they fly plans.
+
+        A robot that is only known from a neighbour's list counts as flying plans: two robots that can't hear each other
+        then still do not plan at the same time.
+        """
+        members = {self._system_id}
+        for peer in self.neighbours(time_s):
+            status = self._heard[peer][1]
+            if status.state not in _PLANNING or status.mission_start_s != mission_start_s:
+                continue
+            members.add(peer)
+            members.update(other for other in status.neighbours if self._flies_plans(other, time_s))
+        ordered = tuple(sorted(members))
+        return Group(ordered, ordered.index(self._system_id))
+
+    def may_descend(self, time_s: float) -> bool:
+        """Whether every peer in range that flies is above its own home or landing: nobody crosses below."""
+        return not any(
+            status.state in _IN_THE_WAY and not status.over_home
+            for status in (self._heard[peer][1] for peer in self.neighbours(time_s))
+        )
+
+    def _flies_plans(self, peer: int, time_s: float) -> bool:
+        known = self.status(peer, time_s)
+        return known is None or known.state in _PLANNING
