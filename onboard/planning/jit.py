@@ -1,0 +1,45 @@
+"""How the planner's kernels are compiled: cached on disk, with the GIL released, and never stale."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from numba import njit
+
+__all__ = ["kernel", "source_digest"]
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@cache
+def source_digest() -> str:
+    """A digest of all of the planner's sources: compiled kernels are valid for exactly this text."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function that runs without the interpreter (no objects, no exceptions, no GIL).
+
+    No fast-math: IEEE arithmetic in the written order gives the same plan on every machine.
+    """
+    return cast(Function, njit(nogil=True, error_model="numpy")(function))
+
+
+def entry_kernel(function: Function) -> Function:
+    """Compile a kernel that Python calls, and keep its machine code on disk.
+
+    Numba looks only at the file of the function itself when it decides whether cached code is still valid, and would
+    go on running old code after a change in a kernel that this one calls. So the stamp is replaced by a digest of all
+    of the planner's sources.
+    """
+    dispatcher = njit(nogil=True, error_model="numpy", cache=True)(function)
+    dispatcher._cache._cache_file._source_stamp = source_digest()
+    return cast(Function, dispatcher)
