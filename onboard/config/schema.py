@@ -135,7 +135,7 @@ class ExplorationConfig(Section):
 class PlannerConfig(Section):
     """The search."""
 
-    node_limit: Annotated[int, Field(ge=1000, le=50_000_000)] | None = Field(default=None, description="memory bound")
+    node_limit: Annotated[int, Field(ge=1000, le=50_000_000)] = Field(default=1_000_000, description="memory bound")
     yaw_weight_m_rad: Positive = 1.0
 
 

@@ -169,6 +169,11 @@ class FlightMachine:
             return True
         return self.state is FlightState.RETURN and self._distance_home_m() < OVER_HOME_M
 
+    @property
+    def autopilot_lands(self) -> bool:
+        """Whether the autopilot says that it is landing by itself."""
+        return self._link.mode == Px4Mode.LAND
+
     def fly(self, trajectory: Trajectory, start_s: float, end_s: float) -> None:
         """Fly a trajectory from ``start_s`` on; it ends at ``end_s`` unless another one follows."""
         self._next = (start_s, trajectory, end_s)

@@ -1,0 +1,421 @@
+"""One vehicle's onboard computer, without sockets: frames and times in, frames and planning jobs out.
+
+It joins the autopilot link and the flight states (``onboard.flight``) with the agent (``onboard.agent``). A detection
+becomes a setpoint on this way: ``receive`` (sensor link) → ``Agent.look`` → ``Agent.step`` → ``planning_job`` →
+planner → ``planned`` → ``FlightMachine.fly`` → ``tick`` → SET_POSITION_TARGET_LOCAL_NED.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from onboard.agent import Agent
+from onboard.clock import MissionClock, usec
+from onboard.config.schema import Scenario
+from onboard.epochs import EpochSchedule, Slot
+from onboard.errors import OnboardError
+from onboard.estimation.measurement import Look
+from onboard.flight.autopilot import AutopilotLink
+from onboard.flight.machine import AIRBORNE, Event, FlightMachine, Refusal
+from onboard.flight.trajectory import PlanTrajectory
+from onboard.geometry import Pose
+from onboard.messages import FlightState
+from onboard.planning.plan import Plan
+from onboard.planning.problem import Problem
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import BROADCAST, Codec
+from onboard.protocol.status_text import encode_status_text
+from onboard.protocol.team_messages import (
+    encode_belief,
+    encode_plan,
+    encode_tile,
+    primitives_checksum,
+    read_belief,
+    read_detection,
+    read_plan,
+    read_status,
+    read_tile,
+)
+
+__all__ = ["COMPONENT", "Companion", "LinkName", "PlanningJob"]
+
+COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+"""This process's component id (191)."""
+
+MAX_START_AHEAD_S = 600.0
+MAX_DETECTION_AGE_S = 2.0
+MIN_BUDGET_SHARE = 0.2
+"""A slot of which less is left is not used: the plan would be no better than the one being flown."""
+
+
+class LinkName(StrEnum):
+    """The four links of an onboard process."""
+
+    AUTOPILOT = "autopilot"
+    PEERS = "peers"
+    SENSOR = "sensor"
+    GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class PlanningJob:
+    """A plan to be made beside the event loop.
+
+    Attributes:
+        slot: When.
+        start: Predicted pose at the epoch's start.
+        problem: What to plan.
+        budget_s: Time until the slot's deadline when the job was made, s.
+    """
+
+    slot: Slot
+    start: Pose
+    problem: Problem
+    budget_s: float
+
+
+@dataclass(slots=True)
+class _Counts:
+    setpoints: int = 0
+    setpoint_gap_max_s: float = 0.0
+    plans: int = 0
+    deadline_misses: int = 0
+    peer_bytes_sent: int = 0
+    peer_bytes_received: int = 0
+    detections: int = 0
+    refused: int = 0
+
+
+class Companion:
+    """One vehicle's onboard computer.
+
+    Args:
+        scenario: The team's configuration.
+        vehicle_id: Which of its vehicles.
+        boot_s: UNIX time at which this process began, s.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle_id: int, boot_s: float) -> None:
+        self.vehicle = scenario.vehicle(vehicle_id)
+        self.autopilot = AutopilotLink(vehicle_id, scenario.flight.autopilot_timeout_s)
+        self.machine = FlightMachine(scenario.flight, self.vehicle, self.autopilot)
+        self.agent: Agent | None = None
+        self._scenario = scenario
+        self._team = {vehicle.id for vehicle in scenario.vehicles} - {vehicle_id}
+        self._boot_s = boot_s
+        self._clock: MissionClock | None = None
+        self._schedule: EpochSchedule | None = None
+        self._codecs = {name: Codec(vehicle_id, COMPONENT) for name in LinkName}
+        self._checksum = primitives_checksum(scenario.primitive_set)
+        self._counts = _Counts()
+        self._out: list[tuple[LinkName, bytes]] = []
+        self._unreported: list[Event] = []
+        self._events: list[Event] = []
+        self._text_id = 0
+        self._next_heartbeat_s = boot_s
+        self._next_status_s = boot_s
+        self._last_setpoint_s: float | None = None
+        self._last_step = -1
+        self._planned_step = -1
+        self._plan_epoch_s: float | None = None
+        self._infeasible = False
+
+    # Frames in.
+
+    def receive(self, link: LinkName, datagram: bytes, time_s: float) -> None:
+        """Take a datagram of a link that arrived at a UNIX time; what is malformed is counted, never raised."""
+        if link is LinkName.PEERS:
+            self._counts.peer_bytes_received += len(datagram)
+        for message in self._codecs[link].decode(datagram):
+            try:
+                match link:
+                    case LinkName.AUTOPILOT:
+                        self.autopilot.receive(message, time_s)
+                    case LinkName.PEERS:
+                        self._from_peer(message, time_s)
+                    case LinkName.SENSOR:
+                        self._from_sensor(message, time_s)
+                    case LinkName.GROUND:
+                        self._from_ground(message, time_s)
+            except OnboardError:
+                self._counts.refused += 1
+
+    def _from_peer(self, message: mavlink.MAVLink_message, time_s: float) -> None:
+        if self.agent is None or self._clock is None:
+            return
+        if message.get_srcSystem() not in self._team or message.get_srcComponent() != COMPONENT:
+            return
+        match message:
+            case mavlink.MAVLink_planner_status_message():
+                self.agent.receive_status(read_status(message), time_s)
+            case mavlink.MAVLink_target_belief_message():
+                self.agent.receive_belief(read_belief(message, self._clock))
+            case mavlink.MAVLink_arvi_plan_message():
+                plan = read_plan(message, self._clock, self._checksum, len(self._scenario.primitives))
+                self.agent.receive_plan(plan)
+            case mavlink.MAVLink_explored_tile_message():
+                self.agent.receive_tile(read_tile(message), time_s)
+
+    def _from_sensor(self, message: mavlink.MAVLink_message, time_s: float) -> None:
+        if self.agent is None or not isinstance(message, mavlink.MAVLink_target_detection_message):
+            return
+        detection = read_detection(message)
+        pose = self.autopilot.poses.at(detection.time_s)
+        if pose is None or abs(time_s - detection.time_s) > MAX_DETECTION_AGE_S:
+            self._counts.refused += 1
+            return
+        self._counts.detections += 1
+        self.agent.look(detection.time_s, Look(detection.target_id, pose, detection.range_m, detection.bearing_rad))
+
+    def _from_ground(self, message: mavlink.MAVLink_message, time_s: float) -> None:
+        """Obey commands that the configured ground station addresses to this process; the rest is not for us."""
+        if not isinstance(message, (mavlink.MAVLink_command_long_message, mavlink.MAVLink_command_int_message)):
+            return
+        if message.get_srcSystem() != self._scenario.ground.system_id:
+            return
+        if message.target_system != self.vehicle.id or message.target_component not in (COMPONENT, BROADCAST):
+            return
+        refusal = self._obey(message, time_s)
+        result = mavlink.MAV_RESULT_ACCEPTED
+        if refusal is not None:
+            result = refusal.result
+            self._say(mavlink.MAV_SEVERITY_WARNING, refusal.reason)
+        ack = mavlink.MAVLink_command_ack_message(
+            message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
+        )
+        self._send(LinkName.GROUND, ack)
+
+    def _obey(
+        self, message: mavlink.MAVLink_command_long_message | mavlink.MAVLink_command_int_message, time_s: float
+    ) -> Refusal | None:
+        match message.command:
+            case mavlink.MAV_CMD_ARVI_START if isinstance(message, mavlink.MAVLink_command_int_message):
+                return self._start(message.x + message.y * 1e-6, time_s)
+            case mavlink.MAV_CMD_NAV_LAND:
+                return self.machine.land(time_s)
+            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE if message.param1 == 0.0:
+                return self.machine.pause(time_s)
+            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
+                return self.machine.resume()
+        return Refusal(mavlink.MAV_RESULT_UNSUPPORTED, f"command {message.command} is unknown here")
+
+    def _start(self, start_s: float, time_s: float) -> Refusal | None:
+        if self._clock is not None and self._clock.start_s == start_s and self.machine.state is not FlightState.LANDED:
+            return self.machine.start(time_s)
+        if self.machine.state in (FlightState.ARM, *AIRBORNE):
+            return Refusal(mavlink.MAV_RESULT_DENIED, "start refused: another mission is being flown")
+        if not 0.0 <= start_s - time_s <= MAX_START_AHEAD_S:
+            return Refusal(
+                mavlink.MAV_RESULT_DENIED,
+                f"start refused: step 0 in {start_s - time_s:.1f} s; it is 0 to {MAX_START_AHEAD_S:.0f} s ahead",
+            )
+        refusal = self.machine.start(time_s)
+        if refusal is None:
+            mission = self._scenario.mission
+            self._clock = MissionClock(start_s, mission.step_s)
+            self._schedule = EpochSchedule(
+                self._clock,
+                mission.replan_steps,
+                mission.planning_time_s,
+                mission.planning_lead_s,
+                mission.publishing_time_s,
+            )
+            self.agent = Agent(self._scenario, self.vehicle, self._clock)
+            self._last_step = self._planned_step = -1
+            self._plan_epoch_s = None
+        return refusal
+
+    # The clockwork.
+
+    def tick(self, time_s: float) -> None:
+        """Do what is due at a UNIX time; called at the setpoint rate."""
+        may_descend = self.agent is None or self.agent.team.may_descend(time_s)
+        setpoint = self.machine.tick(time_s, may_descend=may_descend)
+        if setpoint is None:
+            self._last_setpoint_s = None
+        else:
+            self._count_setpoint(time_s)
+            self.autopilot.stream(setpoint, time_s, self._boot_s)
+        for message in self.autopilot.poll(time_s):
+            self._send(LinkName.AUTOPILOT, message)
+        self._step(time_s)
+        if time_s >= self._next_heartbeat_s:
+            self._next_heartbeat_s = max(self._next_heartbeat_s + 1.0, time_s)
+            self._heartbeat()
+        if time_s >= self._next_status_s:
+            self._next_status_s = max(self._next_status_s + self._scenario.mission.step_s, time_s)
+            self._status(time_s)
+        self._report()
+
+    def outbox(self) -> list[tuple[LinkName, bytes]]:
+        """Frames to send, in order, with their links."""
+        out, self._out = self._out, []
+        return out
+
+    def leave(self, time_s: float) -> bool:
+        """Land where the vehicle is, since this process ends; whether it may end now."""
+        if self.machine.state in (FlightState.ARM, *AIRBORNE) and self.machine.state is not FlightState.LAND:
+            self.machine.land_here(time_s)
+        return self.machine.state is not FlightState.LAND or self.machine.autopilot_lands
+
+    def _count_setpoint(self, time_s: float) -> None:
+        if self._last_setpoint_s is not None:
+            self._counts.setpoint_gap_max_s = max(self._counts.setpoint_gap_max_s, time_s - self._last_setpoint_s)
+        self._last_setpoint_s = time_s
+        self._counts.setpoints += 1
+
+    def _step(self, time_s: float) -> None:
+        """One step of Algorithm 3 when it is due, a little after its time so that its detections have arrived."""
+        if self.agent is None or self._clock is None:
+            return
+        step = self._clock.step_at(time_s - self._scenario.mission.measuring_delay_s)
+        if step <= self._last_step:
+            return
+        self._last_step = step
+        pose = None
+        if self.machine.state in AIRBORNE:
+            pose = self.autopilot.poses.at(self._clock.time_of(step))
+        output = self.agent.step(step, pose, time_s)
+        for belief in output.beliefs:
+            message = encode_belief(belief, self._clock)
+            self._send(LinkName.PEERS, message)
+            self._send(LinkName.GROUND, message)
+        for tile in output.tiles:
+            self._send(LinkName.PEERS, encode_tile(tile))
+            self._send(LinkName.GROUND, encode_tile(tile))
+
+    # Planning, beside the event loop.
+
+    def next_slot_s(self, time_s: float) -> float:
+        """UNIX time at which the next planning slot starts; infinity while no plan is wanted."""
+        if self.agent is None or self._schedule is None or not self.machine.wants_plans:
+            return math.inf
+        group = self.agent.group(time_s)
+        return self._schedule.current(time_s, group.order, len(group.members)).start_s
+
+    def planning_job(self, time_s: float) -> PlanningJob | None:
+        """The plan to be made now, once for each epoch; None while there is none."""
+        if self.agent is None or self._schedule is None or not self.machine.wants_plans:
+            return None
+        group = self.agent.group(time_s)
+        slot = self._schedule.current(time_s, group.order, len(group.members))
+        if slot.step <= self._planned_step or time_s < slot.start_s:
+            return None
+        budget_s = slot.deadline_s - time_s
+        if budget_s < MIN_BUDGET_SHARE * (slot.end_s - slot.start_s):
+            return None
+        self._planned_step = slot.step
+        start = self._start_pose(slot.epoch_s, time_s)
+        return PlanningJob(slot, start, self.agent.problem(slot.step, start, group), budget_s)
+
+    def planned(self, job: PlanningJob, plan: Plan, time_s: float) -> None:
+        """Fly a plan that was made, and tell the team."""
+        self._counts.plans += 1
+        if time_s > job.slot.end_s:
+            self._counts.deadline_misses += 1
+        if self.agent is None or self._clock is None or not self.machine.wants_plans:
+            return
+        mission = self._scenario.mission
+        if time_s > job.slot.epoch_s + mission.step_s:
+            self._say(mavlink.MAV_SEVERITY_WARNING, "a plan came more than a step late and is not flown")
+            return
+        own = self.agent.adopt(job.slot.step, job.start, plan, job.budget_s)
+        controls = self.agent.controls(own)
+        trajectory = PlanTrajectory(job.slot.epoch_s, job.start, controls, mission.step_s)
+        self.machine.fly(trajectory, job.slot.epoch_s, trajectory.end_s)
+        self._plan_epoch_s = job.slot.epoch_s
+        message = encode_plan(own, self._clock, self._checksum)
+        self._send(LinkName.PEERS, message)
+        self._send(LinkName.GROUND, message)
+        if self._infeasible == plan.feasible:
+            self._infeasible = not plan.feasible
+            text = "a feasible plan again" if plan.feasible else "no feasible plan: it ends in a stop"
+            self._say(mavlink.MAV_SEVERITY_WARNING, text)
+
+    def planning_failed(self, job: PlanningJob, reason: str) -> None:
+        """A planner that raised leaves the last plan flying, then a hold."""
+        self._counts.deadline_misses += 1
+        self._say(mavlink.MAV_SEVERITY_ERROR, f"planner failed for step {job.slot.step}: {reason}")
+
+    def _start_pose(self, epoch_s: float, time_s: float) -> Pose:
+        """Where the vehicle will be when the epoch starts: on its trajectory, unless it is far off it now."""
+        start = self.machine.reference_pose(epoch_s)
+        measured = self.autopilot.pose()
+        error = self.machine.tracking_error_m(time_s)
+        if measured is None or error is None or error <= self._scenario.flight.reanchor_error_m:
+            return start
+        now = self.machine.reference_pose(time_s)
+        return Pose(
+            start.north_m + measured.north_m - now.north_m, start.east_m + measured.east_m - now.east_m, start.yaw_rad
+        )
+
+    # What it says of itself.
+
+    def _heartbeat(self) -> None:
+        state = mavlink.MAV_STATE_ACTIVE if self.machine.state in AIRBORNE else mavlink.MAV_STATE_STANDBY
+        message = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
+        )
+        self._send(LinkName.AUTOPILOT, message)
+        self._send(LinkName.GROUND, message)
+
+    def _status(self, time_s: float) -> None:
+        counts, agent = self._counts, self.agent
+        neighbours = agent.team.neighbours(time_s)[:32] if agent is not None else ()
+        group = agent.group(time_s) if agent is not None else None
+        position = self.autopilot.position or (math.nan, math.nan, math.nan)
+        pose = self.autopilot.pose()
+        error = self.machine.tracking_error_m(time_s)
+        flies = self.machine.state is FlightState.TRACK and self._plan_epoch_s is not None
+        message = mavlink.MAVLink_planner_status_message(
+            usec(time_s),
+            usec(self._clock.start_s) if self._clock is not None else 0,
+            *position,
+            pose.yaw_rad if pose is not None else math.nan,
+            error if error is not None else math.nan,
+            time_s - self._plan_epoch_s if flies and self._plan_epoch_s is not None else math.nan,
+            counts.setpoint_gap_max_s,
+            counts.setpoints,
+            counts.plans,
+            counts.deadline_misses,
+            counts.peer_bytes_sent & 0xFFFFFFFF,
+            counts.peer_bytes_received & 0xFFFFFFFF,
+            counts.detections,
+            counts.refused + sum(codec.rejected for codec in self._codecs.values()),
+            [*neighbours, *[0] * (32 - len(neighbours))],
+            int(self.machine.state),
+            len(group.members) if group is not None else 1,
+            group.order if group is not None else 0,
+            min(len(agent.tracks), 255) if agent is not None else 0,
+            agent.landmark_count if agent is not None else 0,
+            int(self.machine.over_home),
+        )
+        self._send(LinkName.GROUND, message)
+        if pose is not None:
+            self._send(LinkName.PEERS, message)
+
+    def events(self) -> list[Event]:
+        """What happened since the last call, for the log; the ground was told."""
+        events, self._events = self._events, []
+        return events
+
+    def _say(self, severity: int, text: str) -> None:
+        self._unreported.append(Event(severity, text))
+
+    def _report(self) -> None:
+        """Tell the ground what happened."""
+        events = [*self._unreported, *self.machine.events()]
+        self._unreported = []
+        self._events += events
+        for event in events:
+            self._text_id += 1
+            for message in encode_status_text(event.severity, event.text, self._text_id):
+                self._send(LinkName.GROUND, message)
+
+    def _send(self, link: LinkName, message: mavlink.MAVLink_message) -> None:
+        frame = self._codecs[link].encode(message)
+        if link is LinkName.PEERS:
+            self._counts.peer_bytes_sent += len(frame)
+        self._out.append((link, frame))

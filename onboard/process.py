@@ -1,0 +1,140 @@
+"""The onboard process: sockets, timers, the planner's thread and signals around a :class:`Companion`.
+
+The event loop streams setpoints and handles links; it never waits for the planner, which runs in a thread of its own
+with the GIL released, against a deadline.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+from onboard.companion import Companion, LinkName, PlanningJob
+from onboard.config.schema import Scenario
+from onboard.planning.plan import Budget, Plan
+from onboard.planning.planner import Planner
+from onboard.planning.warmup import warm_kernels
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.transport import Link, open_link
+
+__all__ = ["fly"]
+
+LEAVE_PATIENCE_S = 3.0
+
+_log = logging.getLogger("onboard")
+_LEVELS = {
+    mavlink.MAV_SEVERITY_WARNING: logging.WARNING,
+    mavlink.MAV_SEVERITY_NOTICE: logging.INFO,
+    mavlink.MAV_SEVERITY_INFO: logging.INFO,
+    mavlink.MAV_SEVERITY_DEBUG: logging.DEBUG,
+}
+
+
+async def fly(scenario: Scenario, vehicle_id: int) -> None:
+    """Fly one vehicle of a team until SIGINT or SIGTERM; in the air these land it first, a second one ends at once.
+
+    Raises:
+        KeyError: The scenario has no such vehicle.
+        TransportError: A link cannot be opened.
+    """
+    vehicle = scenario.vehicle(vehicle_id)
+    warm_kernels()
+    process = _Process(scenario, vehicle_id)
+    try:
+        await process.open(
+            {
+                LinkName.AUTOPILOT: vehicle.autopilot_url,
+                LinkName.PEERS: vehicle.peers_url,
+                LinkName.SENSOR: vehicle.sensor_url,
+                LinkName.GROUND: vehicle.ground_url,
+            }
+        )
+        _log.info("vehicle %d: autopilot %s, ground %s", vehicle_id, vehicle.autopilot_url, vehicle.ground_url)
+        await process.run()
+    finally:
+        process.close()
+
+
+class _Process:
+    def __init__(self, scenario: Scenario, vehicle_id: int) -> None:
+        self._companion = Companion(scenario, vehicle_id, time.time())
+        self._planner = Planner(node_limit=scenario.planner.node_limit, yaw_weight=scenario.planner.yaw_weight_m_rad)
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
+        self._period_s = 1.0 / scenario.flight.setpoint_rate_hz
+        self._links: dict[LinkName, Link] = {}
+        self._stops = 0
+        self._stopped = asyncio.Event()
+        self._planning = False
+
+    async def open(self, urls: dict[LinkName, str]) -> None:
+        for name, url in urls.items():
+            self._links[name] = await open_link(url, partial(self._receive, name))
+
+    def close(self) -> None:
+        for link in self._links.values():
+            link.close()
+        self._thread.shutdown(wait=True, cancel_futures=True)
+
+    async def run(self) -> None:
+        """Tick at the setpoint rate until stopped; ticks that the host made impossible are skipped, not made up."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._stop)
+        due = loop.time()
+        leave_by = None
+        while self._stops < 2:
+            now = time.time()
+            if self._stops:
+                leave_by = leave_by if leave_by is not None else now + LEAVE_PATIENCE_S
+                if self._companion.leave(now) or now > leave_by:
+                    break
+            self._companion.tick(now)
+            self._flush()
+            self._plan()
+            until_slot = self._companion.next_slot_s(now) - now
+            if 0.0 < until_slot < self._period_s:
+                loop.call_later(until_slot, self._plan)
+            due = max(due + self._period_s, loop.time() - self._period_s)
+            await asyncio.sleep(due - loop.time())
+
+    def _stop(self) -> None:
+        self._stops += 1
+
+    def _receive(self, link: LinkName, datagram: bytes) -> None:
+        self._companion.receive(link, datagram, time.time())
+        self._flush()
+
+    def _flush(self) -> None:
+        for link, frame in self._companion.outbox():
+            self._links[link].send(frame)
+        for event in self._companion.events():
+            _log.log(_LEVELS.get(event.severity, logging.ERROR), "%s", event.text)
+
+    def _plan(self) -> None:
+        """Start the planner when its slot has begun."""
+        if self._planning:
+            return
+        job = self._companion.planning_job(time.time())
+        if job is None:
+            return
+        self._planning = True
+        deadline = time.perf_counter() + (job.slot.deadline_s - time.time())
+        loop = asyncio.get_running_loop()
+        future = loop.run_in_executor(self._thread, self._planner.plan, job.problem, Budget(deadline_s=deadline))
+        future.add_done_callback(partial(self._planned, job))
+
+    def _planned(self, job: PlanningJob, future: asyncio.Future[Plan]) -> None:
+        self._planning = False
+        if future.cancelled():
+            return
+        error = future.exception()
+        if error is None:
+            self._companion.planned(job, future.result(), time.time())
+        else:
+            _log.error("planner failed", exc_info=error)
+            self._companion.planning_failed(job, str(error) or type(error).__name__)
+        self._flush()
