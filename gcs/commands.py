@@ -1,0 +1,65 @@
+"""The commands that the ground gives, and how their outcome reads to an operator.
+
+Repeating until acknowledged, with ``confirmation`` counting up, is :class:`onboard.protocol.commands.CommandClient`'s.
+"""
+
+from __future__ import annotations
+
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.commands import Command, CommandOutcome, result_name
+
+__all__ = ["AUTOPILOT", "ONBOARD", "describe", "land_command", "start_command"]
+
+AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
+"""Component id of a vehicle's autopilot."""
+
+ONBOARD = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+"""Component id of a vehicle's onboard process."""
+
+_COMPONENT_NAMES = {AUTOPILOT: "autopilot", ONBOARD: "onboard process"}
+
+
+def start_command(vehicle_id: int, start_s: float) -> Command:
+    """MAV_CMD_ARVI_START: take off and fly the mission whose step 0 is at this UNIX time.
+
+    It is a COMMAND_INT, for no float carries a UNIX time.
+    """
+    seconds, micros = divmod(round(start_s * 1e6), 1_000_000)
+    return mavlink.MAVLink_command_int_message(
+        target_system=vehicle_id,
+        target_component=ONBOARD,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        command=mavlink.MAV_CMD_ARVI_START,
+        current=0,
+        autocontinue=0,
+        param1=0.0,
+        param2=0.0,
+        param3=0.0,
+        param4=0.0,
+        x=seconds,
+        y=micros,
+        z=0.0,
+    )
+
+
+def land_command(vehicle_id: int, component: int) -> Command:
+    """MAV_CMD_NAV_LAND: to the onboard process, return home and land; to the autopilot, land where it is.
+
+    Latitude and longitude are NaN: the current position (https://mavlink.io/en/messages/common.html#MAV_CMD_NAV_LAND).
+    """
+    nan = float("nan")
+    return mavlink.MAVLink_command_long_message(
+        vehicle_id, component, mavlink.MAV_CMD_NAV_LAND, 0, 0.0, 0.0, 0.0, nan, nan, nan, 0.0
+    )
+
+
+def describe(outcome: CommandOutcome) -> str:
+    """A sentence about how a command ended."""
+    entry = mavlink.enums["MAV_CMD"].get(outcome.command)
+    name = entry.name.removeprefix("MAV_CMD_") if entry is not None else f"command {outcome.command}"
+    who = _COMPONENT_NAMES.get(outcome.target[1], f"component {outcome.target[1]}")
+    if outcome.result is None:
+        return f"{who} did not answer {name}"
+    if outcome.accepted:
+        return f"{who} took {name}"
+    return f"{who} refused {name}: {result_name(outcome.result)}"

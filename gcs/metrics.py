@@ -1,0 +1,256 @@
+"""Figures of merit of the team's estimates: targets discovered, position RMSE and entropy (paper, section V).
+
+At each mission step, of each target that somebody knows, over the robots that know it:
+
+- squared error ``mean_i ‖p̂_i − p‖²`` of the estimated position against the truth at the step, m²;
+- entropy ``mean_i ½ log det(2πe Σ_i)``, nats.
+
+The team's RMSE at a step is the root of the mean of the squared errors over the targets known then, its entropy their
+mean; ``rmse_m`` and ``entropy_nats`` are the means of these over the steps from the first discovery on.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs.errors import GroundError
+from onboard.clock import MissionClock
+from onboard.messages import Belief
+from onboard.protocol import dialect as mavlink
+
+__all__ = ["Estimate", "EstimateMetrics", "MetricsFigures", "NotGaussianError", "TargetState", "estimate"]
+
+_SETTLE_S = 1.0
+"""A step is evaluated this long after its time, when late beliefs and the truth on both sides of it have arrived."""
+
+_TRUTH_MEMORY_S = 5.0
+_TRUTH_MAX_GAP_S = 0.5
+"""A step further than this from the nearest truth has no error: the truth is not extrapolated."""
+
+
+class NotGaussianError(GroundError):
+    """A belief whose information matrix is not positive definite."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One robot's belief of a target at a step.
+
+    Attributes:
+        robot: System id.
+        time_s: UNIX time of the step, s.
+        north_m: Mean, m.
+        east_m: Mean, m.
+        position_std_m: Root of the trace of the position's covariance, m.
+        entropy_nats: ½ log det(2πe Σ) of the whole state, nats.
+    """
+
+    robot: int
+    time_s: float
+    north_m: float
+    east_m: float
+    position_std_m: float
+    entropy_nats: float
+
+
+@dataclass(frozen=True, slots=True)
+class TargetState:
+    """A target at one moment.
+
+    Attributes:
+        id: Target.
+        discovered_s: UNIX time of the first belief of anybody; None if there is none.
+        known_by: Robots whose belief is recent.
+        best: The recent estimate of smallest entropy.
+        truth: True north m, east m, when the ground is told.
+    """
+
+    id: int
+    discovered_s: float | None
+    known_by: tuple[int, ...]
+    best: Estimate | None
+    truth: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class MetricsFigures:
+    """The team's estimates so far.
+
+    Attributes:
+        rmse_m: Time mean of the RMSE since the first discovery, m; None without truth.
+        entropy_nats: Time mean of the entropy since the first discovery, nats.
+        rmse_now_m: RMSE at the last evaluated step, m.
+        entropy_now_nats: Entropy at the last evaluated step, nats.
+        steps: Steps evaluated since the first discovery.
+    """
+
+    rmse_m: float | None
+    entropy_nats: float | None
+    rmse_now_m: float | None
+    entropy_now_nats: float | None
+    steps: int
+
+
+def estimate(belief: Belief, clock: MissionClock) -> Estimate:
+    """The Gaussian of a belief: mean = Ω⁻¹ω by Cholesky.
+
+    Raises:
+        NotGaussianError: Ω is not positive definite.
+    """
+    try:
+        factor = np.linalg.cholesky(belief.information_matrix)
+    except np.linalg.LinAlgError:
+        raise NotGaussianError(
+            f"vehicle {belief.sender}'s belief of target {belief.target_id} has no positive definite information matrix"
+        ) from None
+    # Ω = L Lᵀ, so Σ = (L⁻¹)ᵀ L⁻¹ and log det Σ = −2 Σ log L_ii.
+    size = len(belief.information_vector)
+    whitener = np.linalg.solve(factor, np.eye(size))
+    mean = whitener.T @ (whitener @ belief.information_vector)
+    log_det = -2.0 * float(np.log(np.diag(factor)).sum())
+    return Estimate(
+        robot=belief.sender,
+        time_s=clock.time_of(belief.step),
+        north_m=float(mean[0]),
+        east_m=float(mean[1]),
+        position_std_m=float(np.sqrt((whitener[:, :2] ** 2).sum())),
+        entropy_nats=0.5 * (size * math.log(2.0 * math.pi * math.e) + log_det),
+    )
+
+
+class EstimateMetrics:
+    """Collects beliefs and truth, and evaluates each step once.
+
+    Args:
+        clock: Time of the steps that beliefs count in.
+
+    Attributes:
+        end_s: UNIX time after which steps are no longer counted: when the team is sent home, it looks no more.
+    """
+
+    def __init__(self, clock: MissionClock) -> None:
+        self.end_s = math.inf
+        self._clock = clock
+        self._open: dict[int, dict[int, dict[int, Estimate]]] = {}
+        self._evaluated_until: int | None = None
+        self._latest: dict[int, dict[int, Estimate]] = {}
+        self._truth: dict[int, deque[tuple[float, float, float]]] = {}
+        self._discovered_s: dict[int, float] = {}
+        self._rmse_sum = 0.0
+        self._rmse_steps = 0
+        self._entropy_sum = 0.0
+        self._entropy_steps = 0
+        self._now: tuple[float | None, float | None] = (None, None)
+
+    @property
+    def discovered(self) -> dict[int, float]:
+        """UNIX time of each discovered target's first belief, s."""
+        return dict(self._discovered_s)
+
+    @property
+    def truth_targets(self) -> int:
+        """How many targets the truth speaks of."""
+        return len(self._truth)
+
+    def belief(self, belief: Belief) -> int | None:
+        """Take a robot's belief; the target's id when this discovers it.
+
+        Raises:
+            NotGaussianError: Ω is not positive definite.
+        """
+        gaussian = estimate(belief, self._clock)
+        target = belief.target_id
+        self._latest.setdefault(target, {})[belief.sender] = gaussian
+        if self._evaluated_until is None or belief.step > self._evaluated_until:
+            self._open.setdefault(belief.step, {}).setdefault(target, {})[belief.sender] = gaussian
+        if target in self._discovered_s:
+            return None
+        self._discovered_s[target] = gaussian.time_s
+        return target
+
+    def truth(self, message: mavlink.MAVLink_target_truth_message) -> None:
+        """Take a target's true position."""
+        samples = self._truth.setdefault(int(message.target_id), deque())
+        sample = (message.time_usec * 1e-6, message.north, message.east)
+        if samples and sample[0] <= samples[-1][0]:
+            return
+        samples.append(sample)
+        while sample[0] - samples[0][0] > _TRUTH_MEMORY_S:
+            samples.popleft()
+
+    def advance(self, unix_s: float) -> None:
+        """Evaluate the steps that are over by this UNIX time."""
+        for step in sorted(self._open):
+            if self._clock.time_of(step) + _SETTLE_S > unix_s:
+                break
+            targets = self._open.pop(step)
+            self._evaluated_until = step
+            if self._clock.time_of(step) <= self.end_s:
+                self._evaluate(step, targets)
+
+    def figures(self) -> MetricsFigures:
+        """The figures so far."""
+        return MetricsFigures(
+            rmse_m=self._rmse_sum / self._rmse_steps if self._rmse_steps else None,
+            entropy_nats=self._entropy_sum / self._entropy_steps if self._entropy_steps else None,
+            rmse_now_m=self._now[0],
+            entropy_now_nats=self._now[1],
+            steps=self._entropy_steps,
+        )
+
+    def targets(self, unix_s: float) -> tuple[TargetState, ...]:
+        """All targets that beliefs or truth speak of, at this UNIX time."""
+        states = []
+        for target in sorted({*self._truth, *self._discovered_s}):
+            estimates = self._latest.get(target, {})
+            recent = [e for e in estimates.values() if unix_s - e.time_s < _SETTLE_S + 2.0 * self._clock.step_s]
+            samples = self._truth.get(target)
+            states.append(
+                TargetState(
+                    id=target,
+                    discovered_s=self._discovered_s.get(target),
+                    known_by=tuple(sorted(e.robot for e in recent)),
+                    best=min(recent, key=lambda e: e.entropy_nats, default=None),
+                    truth=samples[-1][1:] if samples else None,
+                )
+            )
+        return tuple(states)
+
+    def _evaluate(self, step: int, targets: dict[int, dict[int, Estimate]]) -> None:
+        squared, entropies = [], []
+        for target, estimates in targets.items():
+            entropies.append(sum(e.entropy_nats for e in estimates.values()) / len(estimates))
+            truth = self._truth_at(target, self._clock.time_of(step))
+            if truth is not None:
+                errors = [(e.north_m - truth[0]) ** 2 + (e.east_m - truth[1]) ** 2 for e in estimates.values()]
+                squared.append(sum(errors) / len(errors))
+        entropy = sum(entropies) / len(entropies)
+        self._entropy_sum += entropy
+        self._entropy_steps += 1
+        rmse = None
+        if squared:
+            rmse = math.sqrt(sum(squared) / len(squared))
+            self._rmse_sum += rmse
+            self._rmse_steps += 1
+        self._now = (rmse, entropy)
+
+    def _truth_at(self, target: int, time_s: float) -> tuple[float, float] | None:
+        """The true position at a time: interpolated between the samples around it, or the nearest at the ends."""
+        samples = self._truth.get(target)
+        if not samples:
+            return None
+        i = bisect.bisect_left(samples, time_s, key=lambda sample: sample[0])
+        after = samples[min(i, len(samples) - 1)]
+        before = samples[max(i - 1, 0)]
+        if min(abs(after[0] - time_s), abs(before[0] - time_s)) > _TRUTH_MAX_GAP_S:
+            return None
+        if not before[0] < time_s < after[0]:
+            nearest = min(before, after, key=lambda sample: abs(sample[0] - time_s))
+            return nearest[1], nearest[2]
+        share = (time_s - before[0]) / (after[0] - before[0])
+        return before[1] + share * (after[1] - before[1]), before[2] + share * (after[2] - before[2])

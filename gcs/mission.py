@@ -1,0 +1,165 @@
+"""When the ground commands what: start the team together, land it, land directly who has lost its onboard process.
+
+A core without I/O: it is shown the team's state, and answers with commands for a ``CommandClient``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from gcs.commands import AUTOPILOT, ONBOARD, land_command, start_command
+from gcs.team import TeamState
+from gcs.vehicle import VehicleState
+from onboard.messages import FlightState
+from onboard.protocol.commands import Command
+
+__all__ = ["HURRIED", "UNHURRIED", "LandingPatience", "MissionDirector", "Phase"]
+
+_START_AGAIN_S = 3.0
+_START_SETTLES_S = 3.0
+_LAND_AGAIN_S = 3.0
+_LAND_MODE = "LAND"
+_READY = (FlightState.STANDBY, FlightState.LANDED)
+_COMING_DOWN = (FlightState.RETURN, FlightState.LAND, FlightState.LANDED)
+
+
+class Phase(Enum):
+    """Where the team is in its flight."""
+
+    WAITING = "waiting for all vehicles"
+    STARTING = "taking off"
+    FLYING = "flying"
+    LANDING = "landing"
+    DONE = "on the ground"
+    GAVE_UP = "not all landed"
+
+
+@dataclass(frozen=True, slots=True)
+class LandingPatience:
+    """How long landing may take.
+
+    Attributes:
+        direct_after_s: From the landing's start until the autopilots of those that are still on their way home are told
+            to land where they are, s.
+        give_up_after_s: From the landing's start until it has failed, s.
+    """
+
+    direct_after_s: float
+    give_up_after_s: float
+
+
+UNHURRIED = LandingPatience(direct_after_s=60.0, give_up_after_s=80.0)
+"""After the planned end of a flight: everybody returns home first."""
+
+HURRIED = LandingPatience(direct_after_s=9.0, give_up_after_s=17.0)
+"""After Ctrl-C, which is over within 20 s."""
+
+
+class MissionDirector:
+    """Flies a team from STANDBY to the ground.
+
+    Args:
+        step_s: τ, s: step 0 is at a multiple of it in UNIX time, where the detector looks.
+        takeoff_time_s: From the start command to step 0 at least, s.
+        duration_s: From step 0 to the landing, s; infinity to fly until told otherwise.
+
+    Attributes:
+        phase: Where the team is.
+        start_s: UNIX time of step 0; None before the team was started.
+        landing_since_s: UNIX time at which landing began; None before.
+    """
+
+    def __init__(self, step_s: float, takeoff_time_s: float, duration_s: float) -> None:
+        self.phase = Phase.WAITING
+        self.start_s: float | None = None
+        self.landing_since_s: float | None = None
+        self._step_s = step_s
+        self._takeoff_time_s = takeoff_time_s
+        self._duration_s = duration_s
+        self._started_s: dict[int, float] = {}
+        self._land_asked_s: dict[tuple[int, int], float] = {}
+        self._direct_from_s = math.inf
+        self._give_up_s = math.inf
+
+    @property
+    def over(self) -> bool:
+        """Whether there is nothing left to command."""
+        return self.phase in (Phase.DONE, Phase.GAVE_UP)
+
+    def time_left_s(self, now_s: float) -> float | None:
+        """From now to the landing, s; None before the start."""
+        return None if self.start_s is None else max(0.0, self.start_s + self._duration_s - now_s)
+
+    def land(self, now_s: float, patience: LandingPatience) -> None:
+        """Land the team now; while it lands already, only patience may get shorter."""
+        if self.over:
+            return
+        if self.phase is not Phase.LANDING:
+            self.phase = Phase.LANDING
+            self.landing_since_s = now_s
+        self._direct_from_s = min(self._direct_from_s, now_s + patience.direct_after_s)
+        self._give_up_s = min(self._give_up_s, now_s + patience.give_up_after_s)
+
+    def update(self, team: TeamState, dead: frozenset[int] = frozenset()) -> list[Command]:
+        """What to command now.
+
+        Args:
+            team: The team at this moment.
+            dead: Vehicles whose onboard process is known to be gone.
+        """
+        now_s = team.time_s
+        self._advance(team, dead)
+        if self.phase in (Phase.STARTING, Phase.FLYING):
+            return [c for v in team.vehicles if v.id not in dead for c in self._start(v, now_s)]
+        if self.phase is Phase.LANDING:
+            return [c for v in team.vehicles for c in self._land(v, now_s, v.id in dead)]
+        return []
+
+    def _advance(self, team: TeamState, dead: frozenset[int]) -> None:
+        now_s = team.time_s
+        if self.phase is Phase.WAITING and not dead and all(_ready(vehicle) for vehicle in team.vehicles):
+            self.phase = Phase.STARTING
+            self.start_s = self._step_s * math.ceil((now_s + self._takeoff_time_s) / self._step_s - 1e-6)
+        if self.phase is Phase.STARTING and self.start_s is not None and now_s >= self.start_s:
+            self.phase = Phase.FLYING
+        if self.phase is Phase.FLYING and self.time_left_s(now_s) == 0.0:
+            self.land(now_s, UNHURRIED)
+        if self.phase is Phase.LANDING and all(self._down(vehicle, now_s) for vehicle in team.vehicles):
+            self.phase = Phase.DONE
+        if self.phase is Phase.LANDING and now_s >= self._give_up_s:
+            self.phase = Phase.GAVE_UP
+
+    def _start(self, vehicle: VehicleState, now_s: float) -> list[Command]:
+        """START to who has not taken it, while it can still be up by step 0."""
+        if self.start_s is None or now_s >= self.start_s or vehicle.flight_state not in _READY:
+            return []
+        if now_s - self._started_s.get(vehicle.id, -math.inf) < _START_AGAIN_S:
+            return []
+        self._started_s[vehicle.id] = now_s
+        return [start_command(vehicle.id, self.start_s)]
+
+    def _land(self, vehicle: VehicleState, now_s: float, is_dead: bool) -> list[Command]:
+        """LAND to the onboard process, or straight to the autopilot when that process is gone, until it comes down."""
+        if self._down(vehicle, now_s):
+            return []
+        directly = is_dead or not vehicle.onboard_alive or now_s >= self._direct_from_s
+        under_way = vehicle.mode == _LAND_MODE if directly else vehicle.flight_state in _COMING_DOWN
+        to = (vehicle.id, AUTOPILOT if directly else ONBOARD)
+        if under_way or now_s - self._land_asked_s.get(to, -math.inf) < _LAND_AGAIN_S:
+            return []
+        self._land_asked_s[to] = now_s
+        return [land_command(*to)]
+
+    def _down(self, vehicle: VehicleState, now_s: float) -> bool:
+        """Nothing left to land: on the ground and disarmed, or never heard of."""
+        if now_s - self._started_s.get(vehicle.id, -math.inf) < _START_SETTLES_S:
+            return False  # it may have taken the command, and say so only in its next status
+        if vehicle.onboard_alive and vehicle.flight_state in (FlightState.ARM, FlightState.TAKEOFF):
+            return False  # about to be armed, or armed and not yet said so in a heartbeat
+        return vehicle.safe_on_ground
+
+
+def _ready(vehicle: VehicleState) -> bool:
+    return vehicle.flight_state in _READY and vehicle.onboard_alive and vehicle.autopilot_alive

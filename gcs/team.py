@@ -1,0 +1,246 @@
+"""The team as the ground sees it: MAVLink messages and a time go in, a state and events come out. No I/O."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gcs.commands import AUTOPILOT, ONBOARD
+from gcs.metrics import EstimateMetrics, MetricsFigures, NotGaussianError, TargetState
+from gcs.vehicle import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleMonitor, VehicleState
+from onboard.clock import MissionClock
+from onboard.config import Scenario
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.status_text import StatusTextAssembler
+from onboard.protocol.team_messages import MessageError, read_belief
+
+__all__ = ["Event", "TeamMonitor", "TeamState"]
+
+_WANTED = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_ARVI_PLAN,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_PLANNER_STATUS,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_TARGET_BELIEF,
+        mavlink.MAVLINK_MSG_ID_TARGET_TRUTH,
+        mavlink.MAVLINK_MSG_ID_VEHICLE_TRUTH,
+    }
+)
+"""Messages that :meth:`TeamMonitor.receive` has a use for."""
+
+_THROTTLE_S = {mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.2}
+"""Messages that come more often than the ground needs them: one is read in this time, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that an operator should know.
+
+    Attributes:
+        time_s: UNIX time, s.
+        severity: ``MAV_SEVERITY``: 6 informs, 4 warns, 3 and less is an error.
+        source: Who: ``vehicle 2``, ``team``, ``bridge``.
+        text: What.
+    """
+
+    time_s: float
+    severity: int
+    source: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class TeamState:
+    """The team at one moment.
+
+    Attributes:
+        time_s: UNIX time, s.
+        vehicles: In the scenario's order.
+        targets: Targets that beliefs or truth speak of.
+        target_count: How many there are; None when nobody knows.
+        figures: RMSE and entropy so far.
+        mission_start_s: UNIX time of step 0; None before a vehicle has taken it.
+    """
+
+    time_s: float
+    vehicles: tuple[VehicleState, ...]
+    targets: tuple[TargetState, ...]
+    target_count: int | None
+    figures: MetricsFigures
+    mission_start_s: float | None
+
+    @property
+    def discovered(self) -> int:
+        """How many targets somebody has seen."""
+        return sum(target.discovered_s is not None for target in self.targets)
+
+    def vehicle(self, vehicle_id: int) -> VehicleState:
+        """The vehicle with this system id."""
+        return next(vehicle for vehicle in self.vehicles if vehicle.id == vehicle_id)
+
+
+class TeamMonitor:
+    """Reads the team's messages.
+
+    Attributes:
+        metrics: Figures of merit of the estimates.
+        rejected: Messages whose content cannot be used.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        # Missions start at a multiple of τ of UNIX time, so that steps counted from 1970 are steps of any mission.
+        self._grid = MissionClock(0.0, scenario.mission.step_s)
+        self.metrics = EstimateMetrics(self._grid)
+        self.rejected = 0
+        self._texts = StatusTextAssembler()
+        self._simulation = scenario.simulation
+        self._vehicles = {vehicle.id: VehicleMonitor(vehicle.id) for vehicle in scenario.vehicles}
+        self._events: list[Event] = []
+        self._lost: set[tuple[int, int]] = set()
+        self._read_s: dict[tuple[int, int], float] = {}
+
+    def wants(self, message_id: int, system: int, now_s: float) -> bool:
+        """Whether a message of this kind is worth decoding now."""
+        if message_id not in _WANTED:
+            return False
+        pause_s = _THROTTLE_S.get(message_id)
+        if pause_s is None:
+            return True
+        key = (system, message_id)
+        if now_s - self._read_s.get(key, -pause_s) < pause_s:
+            return False
+        self._read_s[key] = now_s
+        return True
+
+    def receive(self, message: mavlink.MAVLink_message, now_s: float) -> None:
+        """Take one message; what comes from nobody of this scenario is ignored.
+
+        Args:
+            message: Decoded, with its header.
+            now_s: UNIX time of its reception, s.
+        """
+        system = message.get_srcSystem()
+        vehicle = self._vehicles.get(system)
+        if self._simulation is not None and system == self._simulation.system_id:
+            self._receive_from_bridge(message, now_s)
+        elif vehicle is not None:
+            self._receive_from_vehicle(message, vehicle, now_s)
+
+    def note(self, time_s: float, severity: int, source: str, text: str) -> None:
+        """Add an event of the ground's own."""
+        self._events.append(Event(time_s, severity, source, text))
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass: evaluates finished steps, and notices who has fallen silent."""
+        self.metrics.advance(now_s)
+        for vehicle in self._vehicles.values():
+            state = vehicle.state(now_s)
+            for component, name, age in (
+                (AUTOPILOT, "autopilot", state.autopilot_age_s),
+                (ONBOARD, "onboard process", state.onboard_age_s),
+            ):
+                if age is None or age < HEARTBEAT_TIMEOUT_S or (vehicle.id, component) in self._lost:
+                    continue
+                self._lost.add((vehicle.id, component))
+                text = f"{name} is silent: no heartbeat for {age:.1f} s"
+                self.note(now_s, mavlink.MAV_SEVERITY_ERROR, f"vehicle {vehicle.id}", text)
+
+    def take_events(self) -> list[Event]:
+        """The events since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def state(self, now_s: float) -> TeamState:
+        """The team at this UNIX time."""
+        vehicles = tuple(vehicle.state(now_s) for vehicle in self._vehicles.values())
+        starts = [vehicle.mission_start_s for vehicle in vehicles if vehicle.mission_start_s is not None]
+        targets = self.metrics.targets(now_s)
+        count = self._simulation.ground_robots.count if self._simulation is not None else None
+        if count is None and self.metrics.truth_targets:
+            count = self.metrics.truth_targets
+        return TeamState(now_s, vehicles, targets, count, self.metrics.figures(), max(starts, default=None))
+
+    def figures(self) -> dict[int, VehicleFigures]:
+        """Each vehicle's flight in figures, by system id."""
+        return {vehicle.id: vehicle.figures() for vehicle in self._vehicles.values()}
+
+    def _receive_from_bridge(self, message: mavlink.MAVLink_message, now_s: float) -> None:
+        match message:
+            case mavlink.MAVLink_target_truth_message():
+                self.metrics.truth(message)
+            case mavlink.MAVLink_vehicle_truth_message() if message.vehicle in self._vehicles:
+                self._vehicles[message.vehicle].truth(message)
+            case mavlink.MAVLink_statustext_message():
+                self._status_text(message, "bridge", now_s)
+
+    def _receive_from_vehicle(self, message: mavlink.MAVLink_message, vehicle: VehicleMonitor, now_s: float) -> None:
+        match message:
+            case mavlink.MAVLink_heartbeat_message():
+                self._heartbeat(message, vehicle, now_s)
+            case mavlink.MAVLink_planner_status_message():
+                self._planner_status(message, vehicle, now_s)
+            case mavlink.MAVLink_arvi_plan_message():
+                vehicle.plan(message)
+            case mavlink.MAVLink_target_belief_message():
+                self._belief(message, vehicle, now_s)
+            case mavlink.MAVLink_sys_status_message():
+                vehicle.battery(message.battery_remaining)
+            case mavlink.MAVLink_local_position_ned_message():
+                vehicle.local_position(message.z)
+            case mavlink.MAVLink_extended_sys_state_message():
+                vehicle.landed_state(message.landed_state)
+            case mavlink.MAVLink_statustext_message():
+                text = self._status_text(message, f"vehicle {vehicle.id}", now_s)
+                if text is not None:
+                    vehicle.status_text(text)
+
+    def _status_text(self, message: mavlink.MAVLink_statustext_message, source: str, now_s: float) -> str | None:
+        """Report a text once its last chunk is here."""
+        whole = self._texts.receive(message)
+        if whole is None:
+            return None
+        severity, text = whole[0], _printable(whole[1])
+        self.note(now_s, severity, source, text)
+        return text
+
+    def _heartbeat(self, message: mavlink.MAVLink_heartbeat_message, vehicle: VehicleMonitor, now_s: float) -> None:
+        component = message.get_srcComponent()
+        if component == AUTOPILOT:
+            before = vehicle.mode
+            vehicle.autopilot_heartbeat(message, now_s)
+            if before is not None and vehicle.mode != before:
+                self.note(now_s, mavlink.MAV_SEVERITY_INFO, f"vehicle {vehicle.id}", f"mode {before} → {vehicle.mode}")
+        elif component == ONBOARD:
+            vehicle.onboard_heartbeat(now_s)
+        if (vehicle.id, component) in self._lost:
+            self._lost.discard((vehicle.id, component))
+            name = "autopilot" if component == AUTOPILOT else "onboard process"
+            self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, f"vehicle {vehicle.id}", f"{name} is heard again")
+
+    def _planner_status(
+        self, message: mavlink.MAVLink_planner_status_message, vehicle: VehicleMonitor, now_s: float
+    ) -> None:
+        misses = vehicle.deadline_misses
+        vehicle.planner_status(message)
+        if vehicle.deadline_misses > misses:
+            text = f"missed the planning deadline ({vehicle.deadline_misses} in all)"
+            self.note(now_s, mavlink.MAV_SEVERITY_WARNING, f"vehicle {vehicle.id}", text)
+
+    def _belief(self, message: mavlink.MAVLink_target_belief_message, vehicle: VehicleMonitor, now_s: float) -> None:
+        try:
+            target = self.metrics.belief(read_belief(message, self._grid))
+        except (MessageError, NotGaussianError):
+            self.rejected += 1
+            return
+        if target is not None:
+            count = len(self.metrics.discovered)
+            text = f"target {target} found by vehicle {vehicle.id} ({count} so far)"
+            self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "team", text)
+
+
+def _printable(text: str) -> str:
+    """Text that is safe on a terminal: it comes from outside."""
+    return "".join(character if character.isprintable() else "·" for character in text)

@@ -1,0 +1,338 @@
+"""What the ground knows of one vehicle, from its autopilot, its onboard process and, when simulated, the truth."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from onboard.messages import FlightState
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.px4_modes import Px4Mode
+
+__all__ = ["HEARTBEAT_TIMEOUT_S", "VehicleFigures", "VehicleMonitor", "VehicleState"]
+
+HEARTBEAT_TIMEOUT_S = 4.5
+"""A component is lost after 4–5 missed heartbeats of 1 Hz (https://mavlink.io/en/services/heartbeat.html)."""
+
+_RATE_WINDOW_S = 4.0
+_AIRBORNE_HEIGHT_M = 0.3
+_AIRBORNE_LANDED_STATES = (
+    mavlink.MAV_LANDED_STATE_IN_AIR,
+    mavlink.MAV_LANDED_STATE_TAKEOFF,
+    mavlink.MAV_LANDED_STATE_LANDING,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """A vehicle at one moment; None is what has not been heard.
+
+    Attributes:
+        id: System id.
+        flight_state: What its onboard process is doing.
+        mode: Its autopilot's mode: PX4's name, or the number of another autopilot.
+        armed: Whether its motors are armed.
+        battery: Charge left, from 0 to 1.
+        north_m: Position in the mission frame, m.
+        east_m: Position in the mission frame, m.
+        height_m: Above the ground, m.
+        autopilot_age_s: Since its autopilot's last heartbeat, s.
+        onboard_age_s: Since its onboard process's last heartbeat, s.
+        mission_start_s: UNIX time of step 0 that it has taken.
+        plan_age_s: Since the start of the epoch whose plan it flies, s.
+        planning_time_s: Time that its last plan took, s.
+        planning_budget_s: Time that this plan was given, s.
+        plans: Plans made.
+        deadline_misses: Plans that were late.
+        setpoint_rate_hz: Setpoints sent per second lately.
+        tracking_error_m: Horizontal distance from its planned trajectory, m.
+        neighbours: System ids that it hears.
+        targets: Targets that it knows.
+        flew: Whether it has been in the air since the ground station started.
+        landed: Whether it has flown and is on the ground again.
+        status_text: The last text that it sent.
+    """
+
+    id: int
+    flight_state: FlightState | None
+    mode: str | None
+    armed: bool | None
+    battery: float | None
+    north_m: float | None
+    east_m: float | None
+    height_m: float | None
+    autopilot_age_s: float | None
+    onboard_age_s: float | None
+    mission_start_s: float | None
+    plan_age_s: float | None
+    planning_time_s: float | None
+    planning_budget_s: float | None
+    plans: int
+    deadline_misses: int
+    setpoint_rate_hz: float | None
+    tracking_error_m: float | None
+    neighbours: tuple[int, ...]
+    targets: int
+    flew: bool
+    landed: bool
+    status_text: str | None
+
+    @property
+    def onboard_alive(self) -> bool:
+        """Whether its onboard process is heard."""
+        return self.onboard_age_s is not None and self.onboard_age_s < HEARTBEAT_TIMEOUT_S
+
+    @property
+    def autopilot_alive(self) -> bool:
+        """Whether its autopilot is heard."""
+        return self.autopilot_age_s is not None and self.autopilot_age_s < HEARTBEAT_TIMEOUT_S
+
+    @property
+    def safe_on_ground(self) -> bool:
+        """Whether nothing is left to land: it has landed and disarmed, or has never flown and is not armed."""
+        return not self.armed and (self.landed or not self.flew)
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleFigures:
+    """A vehicle's flight in figures; None is what nobody reported.
+
+    Attributes:
+        setpoint_rate_hz: Setpoints per second that its autopilot received while armed and offboard, Hz; those sent
+            while tracking when there is no simulation to count what arrives.
+        setpoint_gap_max_s: Longest pause between them, s.
+        plans: Plans made.
+        deadline_misses: Plans that were late.
+        planning_time_p99_s: 99th percentile of the time that a plan took, s.
+        planning_budget_s: Time that a plan was given, at the median, s.
+        peer_bytes_per_s: Sent to its peers per second while tracking, bytes/s.
+        peer_bytes_received_per_s: Received from its peers per second while tracking, bytes/s.
+        tracking_error_rms_m: Root mean square of the horizontal distance from the planned trajectory, m.
+        min_separation_m: Smallest true distance in three dimensions to another vehicle, m.
+        landed: Whether it flew and is on the ground again.
+        disarmed: Whether its motors are off.
+    """
+
+    setpoint_rate_hz: float | None
+    setpoint_gap_max_s: float | None
+    plans: int | None
+    deadline_misses: int | None
+    planning_time_p99_s: float | None
+    planning_budget_s: float | None
+    peer_bytes_per_s: float | None
+    peer_bytes_received_per_s: float | None
+    tracking_error_rms_m: float | None
+    min_separation_m: float | None
+    landed: bool
+    disarmed: bool | None
+
+
+class VehicleMonitor:
+    """Takes a vehicle's messages and keeps what the ground needs of them.
+
+    Times that are passed in are the moments of reception, in s of one clock.
+    """
+
+    def __init__(self, vehicle_id: int) -> None:
+        self.id = vehicle_id
+        self._heartbeat: mavlink.MAVLink_heartbeat_message | None = None
+        self._autopilot_s: float | None = None
+        self._onboard_s: float | None = None
+        self._status: mavlink.MAVLink_planner_status_message | None = None
+        self._plan: mavlink.MAVLink_arvi_plan_message | None = None
+        self._truth: mavlink.MAVLink_vehicle_truth_message | None = None
+        self._battery: float | None = None
+        self._local_down_m: float | None = None
+        self._landed_state = int(mavlink.MAV_LANDED_STATE_UNDEFINED)
+        self._flew = False
+        self._status_text: str | None = None
+        self._recent: deque[mavlink.MAVLink_planner_status_message] = deque()
+        self._tracking: list[mavlink.MAVLink_planner_status_message] = []
+        self._tracking_error_sum = 0.0
+        self._tracking_error_count = 0
+        self._planning_times_s: list[float] = []
+        self._budgets_s: list[float] = []
+
+    def autopilot_heartbeat(self, message: mavlink.MAVLink_heartbeat_message, now_s: float) -> None:
+        """HEARTBEAT of component 1."""
+        self._heartbeat = message
+        self._autopilot_s = now_s
+        self._note_flight()
+
+    def onboard_heartbeat(self, now_s: float) -> None:
+        """HEARTBEAT of component 191."""
+        self._onboard_s = now_s
+
+    def planner_status(self, message: mavlink.MAVLink_planner_status_message) -> None:
+        """PLANNER_STATUS, once a step."""
+        self._status = message
+        self._recent.append(message)
+        while message.time_usec - self._recent[0].time_usec > _RATE_WINDOW_S * 1e6:
+            self._recent.popleft()
+        if message.state == FlightState.TRACK:
+            self._tracking = [self._tracking[0] if self._tracking else message, message]
+            if math.isfinite(message.tracking_error):
+                self._tracking_error_sum += message.tracking_error**2
+                self._tracking_error_count += 1
+        self._note_flight()
+
+    def plan(self, message: mavlink.MAVLink_arvi_plan_message) -> None:
+        """ARVI_PLAN, once an epoch."""
+        self._plan = message
+        self._planning_times_s.append(message.planning_time)
+        self._budgets_s.append(message.budget)
+
+    def truth(self, message: mavlink.MAVLink_vehicle_truth_message) -> None:
+        """VEHICLE_TRUTH, of a simulated vehicle."""
+        self._truth = message
+
+    def battery(self, remaining_percent: int) -> None:
+        """SYS_STATUS.battery_remaining, %; −1 is unknown."""
+        self._battery = remaining_percent / 100 if remaining_percent >= 0 else None
+
+    def local_position(self, down_m: float) -> None:
+        """LOCAL_POSITION_NED.z, m."""
+        self._local_down_m = down_m
+
+    def landed_state(self, landed_state: int) -> None:
+        """EXTENDED_SYS_STATE.landed_state."""
+        self._landed_state = landed_state
+        self._note_flight()
+
+    def status_text(self, text: str) -> None:
+        """STATUSTEXT of either component."""
+        self._status_text = text
+
+    @property
+    def armed(self) -> bool | None:
+        """Whether its motors are armed; None if it was never heard."""
+        if self._heartbeat is None:
+            return None
+        return bool(self._heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+
+    @property
+    def mode(self) -> str | None:
+        """The autopilot's mode; None if it was never heard."""
+        if self._heartbeat is None:
+            return None
+        if self._heartbeat.autopilot != mavlink.MAV_AUTOPILOT_PX4:
+            return str(self._heartbeat.custom_mode)
+        return Px4Mode.name_of(self._heartbeat.custom_mode)
+
+    @property
+    def flight_state(self) -> FlightState | None:
+        """What its onboard process says that it does; None if it was never heard or says what we do not know."""
+        if self._status is None or self._status.state not in FlightState.__members__.values():
+            return None
+        return FlightState(self._status.state)
+
+    @property
+    def deadline_misses(self) -> int:
+        """Plans that were late."""
+        return self._status.deadline_misses if self._status is not None else 0
+
+    def state(self, now_s: float) -> VehicleState:
+        """The vehicle at this moment."""
+        status, plan = self._status, self._plan
+        return VehicleState(
+            id=self.id,
+            flight_state=self.flight_state,
+            mode=self.mode,
+            armed=self.armed,
+            battery=self._battery,
+            north_m=_finite(status.north) if status is not None else None,
+            east_m=_finite(status.east) if status is not None else None,
+            height_m=self._height_m(now_s),
+            autopilot_age_s=_age(self._autopilot_s, now_s),
+            onboard_age_s=_age(self._onboard_s, now_s),
+            mission_start_s=status.mission_start_usec * 1e-6 if status and status.mission_start_usec else None,
+            plan_age_s=_finite(status.plan_age) if status is not None else None,
+            planning_time_s=plan.planning_time if plan is not None else None,
+            planning_budget_s=plan.budget if plan is not None else None,
+            plans=status.plans if status is not None else 0,
+            deadline_misses=self.deadline_misses,
+            setpoint_rate_hz=_rate(self._recent, "setpoints"),
+            tracking_error_m=_finite(status.tracking_error) if status is not None else None,
+            neighbours=tuple(i for i in status.neighbours if i) if status is not None else (),
+            targets=status.targets if status is not None else 0,
+            flew=self._flew,
+            landed=self._landed(),
+            status_text=self._status_text,
+        )
+
+    def figures(self) -> VehicleFigures:
+        """The flight in figures."""
+        status, truth = self._status, self._truth
+        rate, gap, separation = _rate(self._tracking, "setpoints"), None, None
+        if status is not None and status.setpoints > 0:
+            gap = _finite(status.setpoint_gap_max)
+        if truth is not None:
+            rate = (truth.setpoints - 1) / truth.setpoint_time if truth.setpoint_time > 0.0 else None
+            gap = truth.setpoint_gap_max if truth.setpoints > 1 else None
+            separation = _finite(truth.min_separation)
+        errors = self._tracking_error_count
+        return VehicleFigures(
+            setpoint_rate_hz=rate,
+            setpoint_gap_max_s=gap,
+            plans=status.plans if status is not None else None,
+            deadline_misses=status.deadline_misses if status is not None else None,
+            planning_time_p99_s=_percentile(self._planning_times_s, 0.99),
+            planning_budget_s=_percentile(self._budgets_s, 0.5),
+            peer_bytes_per_s=_rate(self._tracking, "peer_bytes_sent"),
+            peer_bytes_received_per_s=_rate(self._tracking, "peer_bytes_received"),
+            tracking_error_rms_m=math.sqrt(self._tracking_error_sum / errors) if errors else None,
+            min_separation_m=separation,
+            landed=self._landed(),
+            disarmed=None if self.armed is None else not self.armed,
+        )
+
+    def _height_m(self, now_s: float) -> float | None:
+        """From the onboard process while it is alive (mission frame), else from the autopilot itself."""
+        age = _age(self._onboard_s, now_s)
+        if self._status is not None and age is not None and age < HEARTBEAT_TIMEOUT_S:
+            return _finite(-self._status.down)
+        return -self._local_down_m if self._local_down_m is not None else None
+
+    def _note_flight(self) -> None:
+        """Armed and off the ground: it flies."""
+        if not self.armed or self._flew:
+            return
+        self._flew = self._landed_state in _AIRBORNE_LANDED_STATES or (
+            self._status is not None and -self._status.down > _AIRBORNE_HEIGHT_M
+        )
+
+    def _landed(self) -> bool:
+        if not self._flew:
+            return False
+        if self._landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED:
+            return self._landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+        return self.flight_state is FlightState.LANDED or not self.armed
+
+
+def _age(then_s: float | None, now_s: float) -> float | None:
+    return None if then_s is None else max(0.0, now_s - then_s)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _rate(
+    samples: deque[mavlink.MAVLink_planner_status_message] | list[mavlink.MAVLink_planner_status_message], field: str
+) -> float | None:
+    """Increase of a counter per second from the first to the last status."""
+    if len(samples) < 2:
+        return None
+    first, last = samples[0], samples[-1]
+    duration_s = (last.time_usec - first.time_usec) * 1e-6
+    if duration_s <= 0.0:
+        return None
+    return max(0.0, float(getattr(last, field) - getattr(first, field))) / duration_s
+
+
+def _percentile(values: list[float], fraction: float) -> float | None:
+    """The smallest value that at least this fraction of the values does not exceed (nearest rank)."""
+    if not values:
+        return None
+    return sorted(values)[max(0, math.ceil(fraction * len(values)) - 1)]
