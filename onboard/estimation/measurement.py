@@ -82,91 +82,65 @@ def position_information_of(
 ) -> tuple[Array, Array]:
     """What a look adds to the position's part of ω and Ω: ``HᵀV⁻¹(z − h(y) + H y)``, (2,), and ``HᵀV⁻¹H``, (2, 2).
 
-    Eq. (11), update step, with H of eq. (14) and V at the point y that the iterated update settles at. Close to the
-    robot the bearing is far from linear, and one linearisation at the prediction puts a target beside its ray with
-    great confidence. So y is found by Gauss–Newton on the posterior's exponent
-    ``½|y − ŷ|²_Σ + ½|z − h(y)|²_V``, with halved steps where a full one would go up, from the prediction or from the
-    measured position, whichever is likelier. Far away, where the bearing is nearly linear, this is the extended
-    Kalman filter's update.
+    Eq. (11), update step, with V at the prediction ŷ and H of eq. (14) at the point y where the update itself lands.
+    Close to the robot the bearing is far from linear: one linearisation at the prediction puts a target beside its ray
+    with great confidence (with the lab's sensor the squared error is then tens of times what the covariance says). So
+    y is found by Gauss–Newton on ``½|y − ŷ|²_Σ + ½|z − h(y)|²_V``, with halved steps where a full one would go up, from
+    the prediction or from the measured position, whichever is likelier. Far away this is the extended Kalman filter.
+    V stays at ŷ because there it does not depend on the look's own noise: taken at y, a range that came out short would
+    make itself more trusted.
 
     Args:
         sensor: The sensor that made the look.
         look: The measurement; its innovation in bearing is wrapped.
-        mean: Predicted position, (2,), m.
-        covariance: Of the predicted position, (2, 2), m².
+        mean: Predicted position ŷ, (2,), m.
+        covariance: Σ of the predicted position, (2, 2), m².
     """
-    prior = _Prior(mean, covariance)
-    start = min(
-        (mean, np.array(measured_position(look))), key=lambda p: _negative_log_posterior(sensor, look, prior, p)
-    )
-    point = np.asarray(start, dtype=np.float64)
+    problem = _Update(sensor, look, mean, covariance)
+    point = min((mean, np.array(measured_position(look))), key=problem.exponent)
     for _ in range(MAX_ITERATIONS):
-        vector, matrix = _linearise(sensor, look, point)
+        vector, matrix = problem.linearise(point)
         # (Σ⁻¹ + M) y = Σ⁻¹ŷ + m in the form that never inverts Σ
         target = mean + np.linalg.solve(np.eye(2) + covariance @ matrix, covariance @ (vector - matrix @ mean))
-        moved = _descend(sensor, look, prior, point, target)
-        step_m = float(np.abs(moved - point).max())
+        moved = problem.descend(point, target)
+        moved_m = float(np.abs(moved - point).max())
         point = moved
-        if step_m < STEP_TOLERANCE_M:
+        if moved_m < STEP_TOLERANCE_M:
             break
-    return _linearise(sensor, look, point)
+    return problem.linearise(point)
 
 
-class _Prior:
-    """``½|y − ŷ|²_Σ`` of a two-dimensional Gaussian."""
+class _Update:
+    """The least-squares problem of one look: prior and measurement, with V at the prior's mean."""
 
-    def __init__(self, mean: Array, covariance: Array) -> None:
+    def __init__(self, sensor: RangeBearingSensor, look: Look, mean: Array, covariance: Array) -> None:
+        self._sensor = sensor
+        self._look = look
         self._mean = mean
         self._lower = np.linalg.cholesky(covariance)
+        self._variances = np.array(sensor.variances(*sensor.measure(look.pose, float(mean[0]), float(mean[1]))))
 
     def exponent(self, point: Array) -> float:
+        """Negative logarithm of the posterior at a position, up to a constant."""
         whitened = np.linalg.solve(self._lower, point - self._mean)
-        return 0.5 * float(whitened @ whitened)
+        residual = self._residual(point)
+        return 0.5 * float(whitened @ whitened + residual @ (residual / self._variances))
 
+    def linearise(self, point: Array) -> tuple[Array, Array]:
+        """``HᵀV⁻¹(z − h(y) + H y)`` and ``HᵀV⁻¹H`` at a position."""
+        jacobian = self._sensor.position_jacobian(self._look.pose, float(point[0]), float(point[1]))
+        scaled = jacobian / np.sqrt(self._variances)[:, None]
+        matrix = scaled.T @ scaled
+        return jacobian.T @ (self._residual(point) / self._variances) + matrix @ point, matrix
 
-def _residual(sensor: RangeBearingSensor, look: Look, point: Array) -> tuple[float, float, float, float]:
-    """Range and wrapped bearing residual (m, rad) at a point, and the measurement's variances there (m², rad²)."""
-    distance, bearing = sensor.measure(look.pose, float(point[0]), float(point[1]))
-    return (
-        look.range_m - distance,
-        wrap_angle(look.bearing_rad - bearing),
-        *sensor.variances(distance, bearing),
-    )
-
-
-def _linearise(sensor: RangeBearingSensor, look: Look, point: Array) -> tuple[Array, Array]:
-    range_residual, bearing_residual, range_variance, bearing_variance = _residual(sensor, look, point)
-    jacobian = sensor.position_jacobian(look.pose, float(point[0]), float(point[1]))
-    weighted = jacobian.T / np.array([range_variance, bearing_variance])
-    matrix = weighted @ jacobian
-    return weighted @ np.array([range_residual, bearing_residual]) + matrix @ point, 0.5 * (matrix + matrix.T)
-
-
-def _negative_log_posterior(sensor: RangeBearingSensor, look: Look, prior: _Prior, point: Array) -> float:
-    range_residual, bearing_residual, range_variance, bearing_variance = _residual(sensor, look, point)
-    return (
-        prior.exponent(point)
-        + 0.5 * (range_residual**2 / range_variance + bearing_residual**2 / bearing_variance)
-        + 0.5 * math.log(range_variance * bearing_variance)
-    )
-
-
-def _descend(sensor: RangeBearingSensor, look: Look, prior: _Prior, point: Array, target: Array) -> Array:
-    """The first of ``point + (target − point)/2^k`` that does not raise the exponent with V as at ``point``."""
-    _, _, range_variance, bearing_variance = _residual(sensor, look, point)
-
-    def exponent(candidate: Array) -> float:
-        range_residual, bearing_residual, _, _ = _residual(sensor, look, candidate)
-        return prior.exponent(candidate) + 0.5 * (
-            range_residual**2 / range_variance + bearing_residual**2 / bearing_variance
-        )
-
-    here = exponent(point)
-    share = 1.0
-    for _ in range(MAX_HALVINGS):
-        candidate = point + share * (target - point)
+    def descend(self, point: Array, target: Array) -> Array:
+        """The first of ``point + (target − point)/2^k`` that does not raise the exponent; ``point`` if none."""
         # rounding at the minimum must not count as a rise
-        if exponent(candidate) <= here + 1e-12 * (1.0 + here):
-            return candidate
-        share *= 0.5
-    return point
+        highest = self.exponent(point) * (1.0 + 1e-12) + 1e-12
+        candidates = (point + (target - point) * 0.5**k for k in range(MAX_HALVINGS))
+        return next((candidate for candidate in candidates if self.exponent(candidate) <= highest), point)
+
+    def _residual(self, point: Array) -> Array:
+        """``z − h(y)``: m and rad, the bearing wrapped."""
+        distance, bearing = self._sensor.measure(self._look.pose, float(point[0]), float(point[1]))
+        return np.array([self._look.range_m - distance, wrap_angle(self._look.bearing_rad - bearing)])
