@@ -16,10 +16,10 @@ def encode_status_text(severity: int, text: str, text_id: int) -> list[mavlink.M
 
     Args:
         severity: MAV_SEVERITY.
-        text: Cut after 250 bytes.
+        text: ASCII, as receivers read it; other characters become question marks. Cut after 250 bytes.
         text_id: Number of the text on this link; wraps at 65535 and skips 0, which marks a text of one message.
     """
-    data = text.encode()[:MAX_BYTES].decode(errors="ignore").encode()
+    data = text.encode("ascii", errors="replace")[:MAX_BYTES]
     if len(data) <= CHUNK_BYTES:
         return [mavlink.MAVLink_statustext_message(severity, data)]
     number = (text_id - 1) % 0xFFFF + 1
@@ -35,13 +35,12 @@ class StatusTextAssembler:
     """Puts chunks of texts together again, for any number of senders."""
 
     def __init__(self) -> None:
-        self._open: dict[tuple[int, int, int], list[bytes]] = {}
+        self._open: dict[tuple[int, int, int], list[str]] = {}
 
     def receive(self, message: mavlink.MAVLink_statustext_message) -> tuple[int, str] | None:
         """Severity and text once the last chunk is here; None before. A text with a lost chunk is given up."""
-        chunk = message.text.encode() if isinstance(message.text, str) else bytes(message.text)
         if message.id == 0:
-            return message.severity, chunk.rstrip(b"\0").decode(errors="replace")
+            return message.severity, message.text
         key = (message.get_srcSystem(), message.get_srcComponent(), message.id)
         if message.chunk_seq == 0:
             self._open.pop(key, None)
@@ -52,8 +51,8 @@ class StatusTextAssembler:
         if chunks is None or message.chunk_seq != len(chunks):
             self._open.pop(key, None)
             return None
-        chunks.append(chunk)
-        if len(chunk) == CHUNK_BYTES and b"\0" not in chunk and len(chunks) * CHUNK_BYTES < MAX_BYTES + CHUNK_BYTES:
+        chunks.append(message.text)
+        if len(message.text) == CHUNK_BYTES and len(chunks) * CHUNK_BYTES < MAX_BYTES + CHUNK_BYTES:
             return None
         del self._open[key]
-        return message.severity, b"".join(chunks).rstrip(b"\0").decode(errors="replace")
+        return message.severity, "".join(chunks)
