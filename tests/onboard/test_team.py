@@ -1,0 +1,73 @@
+"""Neighbours, groups and who may descend."""
+
+from onboard.messages import FlightState, PeerStatus
+from onboard.team import TeamTable
+
+MISSION = 500.0
+
+
+def status(
+    sender: int,
+    *neighbours: int,
+    state: FlightState = FlightState.TRACK,
+    start: float | None = MISSION,
+    over_home: bool = False,
+) -> PeerStatus:
+    return PeerStatus(sender, start, state, (0.0, 0.0, -1.0), 0.0, neighbours, over_home)
+
+
+def test_neighbours_are_those_heard_lately() -> None:
+    team = TeamTable(1, timeout_s=1.5)
+    team.receive(status(3), 10.0)
+    team.receive(status(2), 11.0)
+    assert team.neighbours(11.4) == (2, 3)
+    assert team.neighbours(12.0) == (2,)
+    assert team.status(3, 12.0) is None
+
+
+def test_ones_own_status_that_a_multicast_group_echoes_is_ignored() -> None:
+    team = TeamTable(1, timeout_s=1.5)
+    team.receive(status(1), 10.0)
+    assert team.neighbours(10.0) == ()
+
+
+def test_a_group_reaches_over_neighbours_neighbours() -> None:
+    """1 - 2 - 3: robot 1 does not hear 3, yet plans in one order with it."""
+    team = TeamTable(1, timeout_s=1.5)
+    team.receive(status(2, 1, 3), 10.0)
+    group = team.group(10.0, MISSION)
+    assert (group.members, group.order) == ((1, 2, 3), 0)
+
+
+def test_all_of_a_connected_group_agree_on_it() -> None:
+    graph = {1: (2,), 2: (1, 3), 3: (2,)}
+    groups = set()
+    for me, neighbours in graph.items():
+        team = TeamTable(me, timeout_s=1.5)
+        for peer in neighbours:
+            team.receive(status(peer, *graph[peer]), 10.0)
+        groups.add(team.group(10.0, MISSION).members)
+    assert groups == {(1, 2, 3)}
+
+
+def test_only_robots_that_fly_plans_of_this_mission_are_in_the_group() -> None:
+    team = TeamTable(2, timeout_s=1.5)
+    team.receive(status(1, 2, state=FlightState.TAKEOFF), 10.0)
+    team.receive(status(3, 2, start=400.0), 10.0)
+    team.receive(status(4, 2, 1, state=FlightState.HOLD), 10.0)
+    group = team.group(10.0, MISSION)
+    assert (group.members, group.order) == ((2, 4), 0)
+
+
+def test_a_robot_alone_is_a_group() -> None:
+    assert TeamTable(9, timeout_s=1.5).group(10.0, MISSION).members == (9,)
+
+
+def test_nobody_descends_while_a_neighbour_may_cross_below() -> None:
+    team = TeamTable(1, timeout_s=1.5)
+    assert team.may_descend(10.0)
+    team.receive(status(2, state=FlightState.RETURN), 10.0)
+    assert not team.may_descend(10.0)
+    team.receive(status(2, state=FlightState.RETURN, over_home=True), 10.1)
+    team.receive(status(3, state=FlightState.LANDED), 10.1)
+    assert team.may_descend(10.1)
