@@ -127,7 +127,10 @@ class EstimationConfig(Section):
 class ExplorationConfig(Section):
     """The visibility grid and its landmarks."""
 
-    cell_m: Positive = 0.25
+    cell_m: Annotated[float, Field(ge=0.01, le=65.0)] = 0.25
+    forget_after_s: Positive | None = Field(
+        default=None, description="what nobody has looked at for so long is unknown again; null never forgets"
+    )
     max_landmarks: Annotated[int, Field(ge=0, le=64)] = 6
     landmark_sigma_m: Positive = 1.0
 

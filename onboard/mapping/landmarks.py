@@ -1,0 +1,149 @@
+"""Exploration landmarks at the map's frontiers (paper, Section V-A and Algorithm 3, line 5)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.geometry import Pose
+from onboard.mapping.visibility_grid import VisibilityGrid
+
+__all__ = ["FIRST_LANDMARK_ID", "Landmarks", "frontier_cells", "frontier_landmarks"]
+
+FIRST_LANDMARK_ID = 1 << 16
+"""Landmarks number from here up; target ids have 16 bits."""
+
+SPACING_CELLS = 2.0
+LLOYD_ROUNDS = 3
+MAX_CANDIDATES = 2000
+
+Place = tuple[float, float]
+Array = NDArray[np.float64]
+
+
+def frontier_cells(grid: VisibilityGrid) -> NDArray[np.bool_]:
+    """Unexplored cells next to (north, south, east or west of) an explored one, (rows, columns) bool.
+
+    If there is no such cell (nothing is explored yet, or what is left is cut off), every unexplored cell is one: there
+    is still something to find.
+    """
+    unexplored = grid.inside & ~grid.explored
+    beside = np.zeros_like(unexplored)
+    beside[1:] |= grid.explored[:-1]
+    beside[:-1] |= grid.explored[1:]
+    beside[:, 1:] |= grid.explored[:, :-1]
+    beside[:, :-1] |= grid.explored[:, 1:]
+    frontier = unexplored & beside
+    return frontier if frontier.any() else unexplored
+
+
+def frontier_landmarks(
+    grid: VisibilityGrid, max_landmarks: int, near: Pose | None, kept: Sequence[Place] = ()
+) -> list[Place]:
+    """Places that stand for the frontier: centres of frontier cells, at most ``max_landmarks``.
+
+    Clusters are started by farthest-point traversal, so that every part of the frontier is close to a landmark
+    (Gonzalez 1985: at most twice as far as it has to be), and then centred by a few rounds of k-means; each place is
+    the cluster's cell nearest to its centroid, for a centroid may lie in explored space. The result depends on the
+    arguments only.
+
+    Args:
+        grid: The map.
+        max_landmarks: How many new ones to give at most; fewer for a small frontier, none if all is explored.
+        near: Of several equal starts the one nearest to here is taken; None for the southernmost, then westernmost.
+        kept: North m, east m of landmarks that stay: what they stand for needs no other.
+
+    Returns:
+        North m, east m, ordered from south to north, then west to east.
+    """
+    rows, columns = np.nonzero(frontier_cells(grid))
+    if max_landmarks <= 0 or len(rows) == 0:
+        return []
+    if len(rows) > MAX_CANDIDATES:
+        # an oblique lattice of the cells stands for all: it thins rows, columns and areas alike
+        chosen = (7 * rows + columns) % math.ceil(len(rows) / MAX_CANDIDATES) == 0
+        rows, columns = rows[chosen], columns[chosen]
+    cells = np.column_stack([rows, columns]).astype(np.float64)
+    fixed = np.array([_in_cells(grid, *place) for place in kept]).reshape(-1, 2)
+    centres = _farthest_points(
+        cells, fixed, max_landmarks, None if near is None else _in_cells(grid, *near.as_tuple()[:2])
+    )
+    for _ in range(LLOYD_ROUNDS):
+        centres = _centred(cells, fixed, centres)
+    found = sorted({(int(row), int(column)) for row, column in centres})
+    return [grid.centre(row, column) for row, column in found]
+
+
+class Landmarks:
+    """Landmarks that keep their identity for as long as their cell is unexplored.
+
+    So a plan and the next one mean the same landmark by the same id, and the goals of exploration do not jump about
+    while the frontier grows.
+    """
+
+    def __init__(self, max_landmarks: int) -> None:
+        """No landmark yet; at most ``max_landmarks`` at any time."""
+        self._max_landmarks = max_landmarks
+        self._places: dict[int, Place] = {}
+        self._next_id = FIRST_LANDMARK_ID
+
+    @property
+    def places(self) -> Mapping[int, Place]:
+        """North m, east m by landmark id, in ascending order of ids."""
+        return MappingProxyType(self._places)
+
+    def update(self, grid: VisibilityGrid, near: Pose | None) -> Mapping[int, Place]:
+        """Drop the landmarks whose cell is explored and add new ones at the frontier; the landmarks then."""
+        self._places = {i: place for i, place in self._places.items() if _is_unexplored(grid, place)}
+        vacant = self._max_landmarks - len(self._places)
+        for place in frontier_landmarks(grid, vacant, near, tuple(self._places.values())):
+            self._places[self._next_id] = place
+            self._next_id += 1
+        return self.places
+
+
+def _in_cells(grid: VisibilityGrid, north_m: float, east_m: float) -> Array:
+    """A point in units of cells, in which a cell's centre has whole coordinates."""
+    return (np.array([north_m, east_m]) - grid.origin) / grid.cell_m - 0.5
+
+
+def _is_unexplored(grid: VisibilityGrid, place: Place) -> bool:
+    cell = grid.cell_of(*place)
+    return cell is not None and bool(grid.inside[cell]) and not grid.explored[cell]
+
+
+def _squared_distances(cells: Array, point: Array) -> Array:
+    return np.asarray(((cells - point) ** 2).sum(axis=1))
+
+
+def _farthest_points(cells: Array, fixed: Array, count: int, near: Array | None) -> Array:
+    """Up to ``count`` cells, each the farthest from ``fixed`` and those before; nearer than the spacing adds none."""
+    distances = np.full(len(cells), np.inf)
+    for point in fixed:
+        np.minimum(distances, _squared_distances(cells, point), out=distances)
+    chosen: list[int] = []
+    while len(chosen) < count:
+        if chosen or len(fixed):
+            best = int(np.argmax(distances))
+        else:
+            best = 0 if near is None else int(np.argmin(_squared_distances(cells, near)))
+        if distances[best] < SPACING_CELLS**2:
+            break
+        chosen.append(best)
+        np.minimum(distances, _squared_distances(cells, cells[best]), out=distances)
+    return cells[chosen]
+
+
+def _centred(cells: Array, fixed: Array, centres: Array) -> Array:
+    """One round of k-means: each centre moves to the cell of its cluster that is nearest to the cluster's centroid."""
+    everyone = np.concatenate([fixed, centres])
+    owner = np.argmin([_squared_distances(cells, point) for point in everyone], axis=0) if len(everyone) else None
+    moved = centres.copy()
+    for k in range(len(centres)):
+        members = cells[owner == len(fixed) + k]
+        moved[k] = members[np.argmin(_squared_distances(members, members.mean(axis=0)))]
+    return moved

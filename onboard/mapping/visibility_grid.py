@@ -1,0 +1,272 @@
+"""The visibility occupancy grid: what a robot, or a neighbour that told it, has seen of the mission area.
+
+The paper explores an area once. Where targets move, that is not enough: a place seen a minute ago may hold a target by
+now, and a small arena is explored before the flight has well begun. With ``forget_after_s`` an area that nobody has
+looked at for so long is unknown again, gets frontiers and landmarks, and is searched anew.
+
+**Exchange.** Tiles say which cells are explored, not when. Without forgetting a robot passes on everything it knows,
+and maps become equal, over any number of hops. With forgetting that would keep cells alive by hearsay: two robots
+would tell each other of the same old look for ever. So then a tile holds only what its sender has seen *itself*: what
+is new since its last broadcast, and now and then what it saw in the last ``forget_after_s/2``. A tile's cells count as
+seen at its reception; hence no cell is remembered longer than 1.5 × ``forget_after_s`` after the last look at it (plus
+the radio's delay).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.estimation.sensor import RangeBearingSensor
+from onboard.geometry import Pose
+from onboard.mapping.errors import MappingError
+from onboard.mapping.line_of_sight import visible_from, warm_line_of_sight
+from onboard.messages import ExploredTile
+from onboard.planning.problem import Obstacles
+
+Array = NDArray[np.float64]
+
+__all__ = ["TILE_CELLS", "VisibilityGrid"]
+
+TILE_CELLS = 32
+TILE_BYTES = TILE_CELLS * TILE_CELLS // 8
+RESEND_PERIOD = 16
+"""Every tile is broadcast again once in so many calls of :meth:`VisibilityGrid.tiles`."""
+MAX_CELLS = 4_000_000
+MAX_TILE_INDEX = 32767
+MAX_CELL_MM = 65535
+
+
+class VisibilityGrid:
+    """Explored cells of the mission area.
+
+    Rows go north, columns east. The grid covers whole tiles of 32 × 32 cells that are aligned to the mission frame's
+    origin, so that tiles of all robots match; the cells that count are those of :attr:`inside`.
+
+    Attributes:
+        cell_m: Side of a cell, m.
+        origin: North m, east m of cell (0, 0)'s south-west corner.
+        inside: (rows, columns) bool: the centre is inside the fence and in no obstacle.
+        explored: (rows, columns) bool: seen, and not forgotten; never True outside.
+        forget_after_s: When an area that was not looked at is unknown again, s; None for never.
+    """
+
+    def __init__(
+        self,
+        fence: Sequence[tuple[float, float]] | Array,
+        cell_m: float,
+        *,
+        obstacles: Obstacles | None = None,
+        forget_after_s: float | None = None,
+    ) -> None:
+        """A grid of which nothing is explored.
+
+        Args:
+            fence: (K, 2) corners north m, east m of a simple polygon.
+            cell_m: Side of a cell, m; a whole number of millimetres is what tiles can say.
+            obstacles: Cells that hide what is behind them and are not explored themselves; None for open space.
+            forget_after_s: See the module's text; None for the paper's behaviour.
+
+        Raises:
+            MappingError: The cells are too small or too large for the tile message or the area, or no cell's centre is
+                inside the fence.
+        """
+        corners = np.asarray(fence, dtype=np.float64)
+        if not 1 <= round(cell_m * 1000.0) <= MAX_CELL_MM:
+            raise MappingError(f"cell_m = {cell_m}: a cell's side is between 0.001 and {MAX_CELL_MM / 1000} m")
+        if forget_after_s is not None and forget_after_s <= 0.0:
+            raise MappingError(f"forget_after_s = {forget_after_s}: must be positive, or None for never")
+        side_m = TILE_CELLS * cell_m
+        first = np.floor(corners.min(axis=0) / side_m + 1e-9).astype(np.int64)
+        count = np.ceil(corners.max(axis=0) / side_m - 1e-9).astype(np.int64) - first
+        if np.abs(first).max() > MAX_TILE_INDEX or np.abs(first + count).max() > MAX_TILE_INDEX:
+            raise MappingError(f"cell_m = {cell_m}: the fence is too far from the origin for tiles of {side_m:g} m")
+        if int(count.prod()) * TILE_CELLS**2 > MAX_CELLS:
+            raise MappingError(f"cell_m = {cell_m}: the fence has more than {MAX_CELLS} cells of this size")
+        self.cell_m = cell_m
+        self.forget_after_s = forget_after_s
+        self.origin = (float(first[0] * side_m), float(first[1] * side_m))
+        self._cell_mm = round(cell_m * 1000.0)
+        self._first_tile = (int(first[0]), int(first[1]))
+        shape = (int(count[0]) * TILE_CELLS, int(count[1]) * TILE_CELLS)
+        self._north_m: Array = self.origin[0] + cell_m * np.arange(0.5, shape[0])
+        self._east_m: Array = self.origin[1] + cell_m * np.arange(0.5, shape[1])
+        self._obstacles = obstacles if obstacles is not None and obstacles.blocked.any() else None
+        self.inside = _polygon_mask(corners, self._north_m, self._east_m)
+        if self._obstacles is not None:
+            self.inside &= ~_blocked_mask(self._obstacles, self._north_m, self._east_m)
+            warm_line_of_sight()
+        self._inside_count = int(self.inside.sum())
+        if self._inside_count == 0:
+            raise MappingError(f"cell_m = {cell_m}: no cell's centre is inside the fence; take smaller cells")
+        self.explored = np.zeros(shape, dtype=np.bool_)
+        self._unsent = np.zeros(shape, dtype=np.bool_)
+        self._seen_s = np.full(shape, -math.inf)
+        self._seen_by_self_s = np.full(shape, -math.inf)
+        self._now_s = -math.inf
+        self._calls = 0
+
+    @property
+    def explored_share(self) -> float:
+        """Explored cells over the cells that count, 0 to 1."""
+        return float(self.explored.sum()) / self._inside_count
+
+    def centre(self, row: int, column: int) -> tuple[float, float]:
+        """North m, east m of a cell's centre."""
+        return float(self._north_m[row]), float(self._east_m[column])
+
+    def cell_of(self, north_m: float, east_m: float) -> tuple[int, int] | None:
+        """Row and column of the cell that a point is in; None outside the grid."""
+        row = math.floor((north_m - self.origin[0]) / self.cell_m)
+        column = math.floor((east_m - self.origin[1]) / self.cell_m)
+        return (row, column) if 0 <= row < len(self._north_m) and 0 <= column < len(self._east_m) else None
+
+    def observe(self, pose: Pose, sensor: RangeBearingSensor, time_s: float) -> int:
+        """Mark the cells whose centre the sensor sees from a pose: within range, field of view and line of sight.
+
+        Args:
+            pose: Where the robot is.
+            sensor: Gives range and field of view.
+            time_s: Now, on any clock that is the same for all calls, s.
+
+        Returns:
+            How many cells are explored now that were not before.
+        """
+        self._now_s = max(self._now_s, time_s)
+        rows = self._window(self._north_m, pose.north_m, sensor.max_range_m)
+        columns = self._window(self._east_m, pose.east_m, sensor.max_range_m)
+        d_north = self._north_m[rows, None] - pose.north_m
+        d_east = self._east_m[None, columns] - pose.east_m
+        squared = d_north**2 + d_east**2
+        seen = (squared < sensor.max_range_m**2) & self.inside[rows, columns]
+        if not sensor.sees_all_round:
+            ahead = d_north * math.cos(pose.yaw_rad) + d_east * math.sin(pose.yaw_rad)
+            # |α| < φ/2 without arctangents; the point right below has no bearing and is seen
+            seen &= (ahead > np.sqrt(squared) * math.cos(0.5 * sensor.fov_rad)) | (squared == 0.0)
+        if self._obstacles is not None and seen.any():
+            i, j = np.nonzero(seen)
+            points = np.column_stack([self._north_m[rows][i], self._east_m[columns][j]])
+            seen[i, j] = visible_from(self._obstacles, pose.north_m, pose.east_m, points)
+        explored = self.explored[rows, columns]
+        new = seen & ~explored
+        explored |= seen
+        self._seen_s[rows, columns][seen] = time_s
+        self._seen_by_self_s[rows, columns][seen] = time_s
+        self._unsent[rows, columns] |= new if self.forget_after_s is None else seen
+        return int(new.sum())
+
+    def expire(self, time_s: float) -> int:
+        """Forget what nobody has looked at for ``forget_after_s``; how many cells that are. Never any without it."""
+        self._now_s = max(self._now_s, time_s)
+        if self.forget_after_s is None:
+            return 0
+        stale = self.explored & (self._seen_s <= time_s - self.forget_after_s)
+        self.explored &= ~stale
+        self._unsent &= ~stale
+        return int(stale.sum())
+
+    def tiles(self, *, changed_since_last: bool) -> list[ExploredTile]:
+        """What to broadcast, ordered by tile.
+
+        Args:
+            changed_since_last: Only tiles with news since the last call, and each other tile once in 16 calls, so that
+                maps of robots that meet later become equal; False gives all tiles at once.
+        """
+        news = self._unsent
+        shared = self.explored
+        if self.forget_after_s is not None:
+            shared = shared & (self._seen_by_self_s > self._now_s - 0.5 * self.forget_after_s)
+        changed, shareable = _tiles_with_any(news), _tiles_with_any(shared)
+        result = []
+        for index, (i, j) in enumerate(np.ndindex(changed.shape)):
+            again = not changed_since_last or (self._calls - index) % RESEND_PERIOD == 0
+            if again and shareable[i, j]:
+                result.append(self._tile(i, j, shared))
+            elif changed[i, j]:
+                result.append(self._tile(i, j, shared if self.forget_after_s is None else news))
+        self._calls += 1
+        self._unsent = np.zeros_like(news)
+        return result
+
+    def merge(self, tile: ExploredTile, time_s: float) -> int:
+        """Add what a neighbour has explored; cells outside the fence are ignored.
+
+        Args:
+            tile: As received.
+            time_s: Time of reception, at which its cells count as seen, on the clock of :meth:`observe`, s.
+
+        Returns:
+            How many cells are explored now that were not before.
+
+        Raises:
+            MappingError: Another cell size, a wrong length, or a tile that is not of this area.
+        """
+        if tile.cell_mm != self._cell_mm:
+            raise MappingError(f"explored tile with cells of {tile.cell_mm} mm; this team's have {self._cell_mm} mm")
+        if len(tile.explored) != TILE_BYTES:
+            raise MappingError(f"explored tile of {len(tile.explored)} bytes instead of {TILE_BYTES}")
+        i, j = tile.tile_north - self._first_tile[0], tile.tile_east - self._first_tile[1]
+        rows, columns = self.explored.shape
+        if not (0 <= i < rows // TILE_CELLS and 0 <= j < columns // TILE_CELLS):
+            raise MappingError(f"explored tile ({tile.tile_north}, {tile.tile_east}) is outside the mission area")
+        self._now_s = max(self._now_s, time_s)
+        place = _tile_slices(i, j)
+        bits = np.unpackbits(np.frombuffer(tile.explored, dtype=np.uint8), bitorder="little")
+        seen = bits.reshape(TILE_CELLS, TILE_CELLS).astype(np.bool_) & self.inside[place]
+        new = seen & ~self.explored[place]
+        self.explored[place] |= seen
+        last = self._seen_s[place]
+        last[seen] = np.maximum(last[seen], time_s)
+        if self.forget_after_s is None:
+            self._unsent[place] |= new
+        return int(new.sum())
+
+    def _window(self, centres_m: Array, at_m: float, reach_m: float) -> slice:
+        first, last = np.searchsorted(centres_m, [at_m - reach_m, at_m + reach_m])
+        return slice(int(first), int(last))
+
+    def _tile(self, i: int, j: int, cells: NDArray[np.bool_]) -> ExploredTile:
+        return ExploredTile(
+            tile_north=self._first_tile[0] + i,
+            tile_east=self._first_tile[1] + j,
+            cell_mm=self._cell_mm,
+            explored=np.packbits(cells[_tile_slices(i, j)], axis=1, bitorder="little").tobytes(),
+        )
+
+
+def _tile_slices(i: int, j: int) -> tuple[slice, slice]:
+    return (
+        slice(i * TILE_CELLS, (i + 1) * TILE_CELLS),
+        slice(j * TILE_CELLS, (j + 1) * TILE_CELLS),
+    )
+
+
+def _tiles_with_any(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    rows, columns = cells.shape
+    blocks = cells.reshape(rows // TILE_CELLS, TILE_CELLS, columns // TILE_CELLS, TILE_CELLS)
+    return np.asarray(blocks.any(axis=(1, 3)))
+
+
+def _polygon_mask(corners: Array, north_m: Array, east_m: Array) -> NDArray[np.bool_]:
+    """Which points of a raster are inside a polygon, by the crossing number along each column."""
+    inside = np.zeros((len(north_m), len(east_m)), dtype=np.bool_)
+    for (n0, e0), (n1, e1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        crossed = (e0 > east_m) != (e1 > east_m)
+        if crossed.any():
+            at = n0 + (n1 - n0) * (east_m[crossed] - e0) / (e1 - e0)
+            inside[:, crossed] ^= north_m[:, None] < at
+    return inside
+
+
+def _blocked_mask(obstacles: Obstacles, north_m: Array, east_m: Array) -> NDArray[np.bool_]:
+    """Which points of a raster are in an obstacle."""
+    i = np.floor((north_m - obstacles.origin_north_m) / obstacles.cell_m).astype(np.int64)
+    j = np.floor((east_m - obstacles.origin_east_m) / obstacles.cell_m).astype(np.int64)
+    rows, columns = obstacles.blocked.shape
+    in_i, in_j = (i >= 0) & (i < rows), (j >= 0) & (j < columns)
+    mask = np.zeros((len(i), len(j)), dtype=np.bool_)
+    mask[np.ix_(in_i, in_j)] = obstacles.blocked[np.ix_(i[in_i], j[in_j])]
+    return mask
