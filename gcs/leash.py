@@ -1,8 +1,8 @@
 """Starts a program that dies with its parent: ``python leash.py PARENT_PID PROGRAM ARGUMENT…`` (Linux).
 
 The launcher may be killed in a way that leaves it no time to stop anybody (SIGKILL, out of memory). The kernel then
-kills whoever asked for it with ``prctl(PR_SET_PDEATHSIG)``; the request survives ``exec``. It is made here, in a program
-of its own between fork and exec, for two reasons: running Python in a forked copy of a process with threads
+kills whoever asked for it with ``prctl(PR_SET_PDEATHSIG)``; the request survives ``exec``. It is made here, in a
+program of its own between fork and exec, for two reasons: running Python in a forked copy of a process with threads
 (``preexec_fn``) can deadlock, and a watchdog pipe would only help against children that still read it.
 
 Where there is no ``prctl`` the program starts all the same, and the launcher's own clean-up is what ends it.

@@ -161,7 +161,7 @@ def _leashed(program: list[str]) -> list[str]:
 
 
 def _cpu_time_s(pid: int) -> float | None:
-    """utime + stime of proc(5)'s stat, fields 14 and 15, counted after the name, which may hold spaces."""
+    """User and system time: fields 14 and 15 of proc(5)'s stat, counted from after the name, which may hold spaces."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
     except OSError:

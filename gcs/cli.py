@@ -1,0 +1,195 @@
+"""The command ``arvi``.
+
+Heavy parts (kernels, the MAVLink dialect) are imported inside the commands, so that help comes at once.
+"""
+# ruff: noqa: PLC0415
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from onboard.config import Scenario
+
+__all__ = ["app", "main"]
+
+EXIT_BAD_INPUT = 2
+
+Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Scenario file, e.g. configs/lab.yaml.")]
+Record = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Record every link as .tlog, and all logs, in a new folder in DIR.")
+]
+Headless = Annotated[bool, typer.Option("--headless", help="Lines of text instead of the live picture.")]
+
+app = typer.Typer(
+    name="arvi",
+    help="Fly teams of robots that plan together where to look (MAVLink, PX4).",
+    epilog="Start with: arvi fly configs/lab.yaml",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main() -> None:
+    """Run the command line: 0 fine, 1 something failed in flight, 2 bad input."""
+    app()
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
+) -> None:
+    if version:
+        typer.echo(f"arvi {_version()}")
+        raise typer.Exit
+
+
+@app.command()
+def fly(
+    config: Config,
+    duration: Annotated[float, typer.Option(metavar="S", min=0.0, help="Mission time until landing, s.")] = 120.0,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Instead of simulation.seed.")] = None,
+    headless: Headless = False,
+    record: Record = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the summary as JSON.")] = None,
+) -> None:
+    """Fly a simulated team: take off, search, track, land; then print a summary.
+
+    Starts the bridge, one onboard process per vehicle and the ground station, each a process of its own that speaks
+    MAVLink over UDP. Ctrl-C lands the team; a second one stops everything at once.
+
+    **Examples**
+
+    - `arvi fly configs/lab.yaml` two minutes with a live picture
+
+    - `arvi fly configs/lab.yaml --duration 60 --seed 7 --headless --json result.json` for scripts
+
+    - `arvi fly configs/lab.yaml --record flights` keeps .tlog files for QGroundControl or MAVProxy
+
+    Exits with 0 when all landed, 1 when something failed in flight, 2 for bad input or ports in use.
+    """
+    scenario = _load(config)
+    if json is not None and not json.parent.is_dir():
+        _refuse(f"--json {json}: the folder {json.parent} does not exist")
+    from gcs.run import run_flight
+
+    raise typer.Exit(run_flight(config, scenario, duration, seed, record, json, _version(), headless=headless))
+
+
+@app.command()
+def onboard(
+    config: Config,
+    vehicle: Annotated[int, typer.Option(metavar="N", help="System id of the vehicle to fly.")],
+) -> None:
+    """Run the onboard process of one vehicle, as on its companion computer.
+
+    It waits for its autopilot, then for the ground station's start. SIGTERM or Ctrl-C lands the vehicle and ends it.
+
+    **Example**: `arvi onboard configs/lab.yaml --vehicle 2`
+    """
+    scenario = _load(config)
+    if vehicle not in [known.id for known in scenario.vehicles]:
+        ids = ", ".join(str(known.id) for known in scenario.vehicles)
+        _refuse(f"--vehicle {vehicle}: no such vehicle in {config}; it has {ids}")
+    from onboard.__main__ import run
+
+    raise typer.Exit(run(config, vehicle))
+
+
+@app.command()
+def bridge(
+    config: Config,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Instead of simulation.seed.")] = None,
+) -> None:
+    """Run the simulation alone: vehicles with their autopilots, motion capture, targets, detector and radio.
+
+    **Example**: `arvi bridge configs/lab.yaml --seed 7`, then connect QGroundControl or MAVSDK to UDP 14540.
+    """
+    _load(config)
+    from sim_bridge.__main__ import main as run_bridge
+
+    raise typer.Exit(run_bridge([str(config), *([] if seed is None else ["--seed", str(seed)])]))
+
+
+@app.command()
+def gcs(
+    config: Config,
+    start: Annotated[bool, typer.Option("--start", help="Start the team when all stand by; Ctrl-C lands it.")] = False,
+    duration: Annotated[
+        float | None, typer.Option(metavar="S", min=0.0, help="With --start: land after this mission time, s.")
+    ] = None,
+    headless: Headless = False,
+    record: Record = None,
+) -> None:
+    """Run the ground station alone, for a team whose processes are started elsewhere.
+
+    Without --start it only watches and records.
+
+    **Examples**
+
+    - `arvi gcs configs/lab.yaml` watches
+
+    - `arvi gcs configs/lab.yaml --start --duration 120 --record flights` flies the team
+    """
+    if duration is not None and not start:
+        _refuse("--duration needs --start: a station that only watches does not end a flight")
+    scenario = _load(config)
+    from gcs.run import run_station
+
+    raise typer.Exit(run_station(config, scenario, duration, record, _version(), start=start, headless=headless))
+
+
+@app.command()
+def check(
+    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Scenario files.")],
+) -> None:
+    """Validate scenarios: every mistake with its line, key and what is allowed, or a summary of what is flown.
+
+    **Example**: `arvi check configs/*.yaml`
+    """
+    from rich.console import Console
+
+    from gcs.scenario_table import render_scenario
+    from onboard.config import ConfigError, load_scenario
+
+    wrong = 0
+    for config in configs:
+        try:
+            scenario = load_scenario(config)
+        except ConfigError as error:
+            wrong += 1
+            typer.echo(str(error), err=True)
+        else:
+            Console().print(render_scenario(config, scenario))
+    raise typer.Exit(EXIT_BAD_INPUT if wrong else 0)
+
+
+def _load(config: Path) -> Scenario:
+    from onboard.config import ConfigError, load_scenario
+
+    try:
+        return load_scenario(config)
+    except ConfigError as error:
+        _refuse(str(error))
+
+
+def _refuse(text: str) -> NoReturn:
+    """End because of what the user gave us."""
+    sys.stderr.write(f"{text}\n")
+    raise typer.Exit(EXIT_BAD_INPUT)
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("arvi-flight-stack")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,312 @@
+"""``arvi fly``: starts bridge, onboard processes and ground station, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gcs import summary
+from gcs.errors import GroundError
+from gcs.mission import MissionDirector, Phase
+from gcs.ports import check_free, needed_ports
+from gcs.recorder import Recorder
+from gcs.session import Display, StopRequests, run_session
+from gcs.station import GroundStation
+from gcs.supervisor import ChildExit, Supervisor, tail
+from gcs.team import Event, TeamState
+from onboard.config import Scenario
+from onboard.messages import FlightState
+from onboard.protocol import dialect as mavlink
+
+__all__ = ["FlightOptions", "FlightResult", "Programs", "fly", "run_folder"]
+
+_READY_PATIENCE_S = 60.0
+_STOP_GRACE_S = 2.5
+_WARM_UP_QUIET_S = 1.5
+_BRIDGE = "bridge"
+
+
+@dataclass(frozen=True, slots=True)
+class Programs:
+    """The programs of a flight, each with its arguments; tests put others in their place.
+
+    Attributes:
+        warm_up: Run once before the others.
+        bridge: The simulation.
+        onboard: The onboard process of a vehicle, given its system id.
+    """
+
+    warm_up: list[str]
+    bridge: list[str]
+    onboard: Callable[[int], list[str]]
+
+    @classmethod
+    def of(cls, config: Path, seed: int) -> Programs:
+        """The real ones, run by this interpreter."""
+        python, path = sys.executable, str(config)
+        return cls(
+            warm_up=[python, "-m", "onboard.warmup"],
+            bridge=[python, "-m", "sim_bridge", path, "--seed", str(seed)],
+            onboard=lambda vehicle_id: [python, "-m", "onboard", path, "--vehicle", str(vehicle_id)],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class FlightOptions:
+    """What a flight is asked to be.
+
+    Attributes:
+        config: The scenario's file.
+        scenario: What it says.
+        duration_s: From step 0 to landing, s.
+        seed: Of the simulation.
+        record: Folder for recordings; None records nothing.
+        version: Of this program.
+    """
+
+    config: Path
+    scenario: Scenario
+    duration_s: float
+    seed: int
+    record: Path | None
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
+class FlightResult:
+    """How a flight went.
+
+    Attributes:
+        summary: As :func:`gcs.summary.summarize` has it; None if the team was never launched.
+        problems: What went wrong, one sentence each; empty after a good flight.
+        folder: Where recording and logs are; None if nothing was kept.
+    """
+
+    summary: dict[str, Any] | None
+    problems: tuple[str, ...]
+    folder: Path | None
+
+
+async def fly(options: FlightOptions, display: Display, programs: Programs | None = None) -> FlightResult:
+    """Fly a simulated team.
+
+    Raises:
+        GroundError: Ports are in use, the recording's folder cannot be made, or there is nothing to simulate.
+        TransportError: The ground station's port is in use.
+    """
+    if options.scenario.simulation is None:
+        raise GroundError(
+            f"{options.config}: has no section simulation, so there is nothing to fly here; on hardware run "
+            "`arvi onboard CONFIG --vehicle N` on each vehicle and `arvi gcs CONFIG --start` on the ground"
+        )
+    check_free(needed_ports(options.scenario))
+    stop = StopRequests()
+    with stop.listening(), run_folder(options.record, options.scenario.name) as folder:
+        flight = _Flight(options, programs or Programs.of(options.config, options.seed), display, stop, folder.path)
+        problems: tuple[str, ...] = ("the flight was not finished",)
+        try:
+            result = await flight.run()
+            problems = result.problems
+        finally:
+            folder.keep = options.record is not None or bool(problems)
+        return FlightResult(result.summary, problems, folder.path if folder.keep else None)
+
+
+@dataclass(slots=True)
+class _Folder:
+    path: Path
+    keep: bool = True
+
+
+@contextmanager
+def run_folder(parent: Path | None, name: str) -> Iterator[_Folder]:
+    """A new folder ``PARENT/NAME-TIME`` for logs and recordings; a temporary one, removed unless kept, without parent.
+
+    Raises:
+        GroundError: It cannot be made.
+    """
+    stamp = time.strftime("%Y%m%d-%H%M%S")
+    try:
+        if parent is None:
+            path = Path(tempfile.mkdtemp(prefix=f"arvi-{name}-"))
+        else:
+            parent.mkdir(parents=True, exist_ok=True)
+            path, count = parent / f"{name}-{stamp}", 1
+            while path.exists():
+                count += 1
+                path = parent / f"{name}-{stamp}-{count}"
+            path.mkdir()
+    except OSError as error:
+        raise GroundError(f"{parent}: no folder for the recording: {error.strerror or error}") from None
+    folder = _Folder(path)
+    try:
+        yield folder
+    finally:
+        if not folder.keep:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+class _Flight:
+    """One flight from the first process to the last."""
+
+    def __init__(
+        self, options: FlightOptions, programs: Programs, display: Display, stop: StopRequests, folder: Path
+    ) -> None:
+        mission = options.scenario.mission
+        self._options = options
+        self._programs = programs
+        self._display = display
+        self._stop = stop
+        self._folder = folder
+        self._problems: list[str] = []
+        self._bridge_ended = False
+        self._director = MissionDirector(mission.step_s, mission.takeoff_time_s, options.duration_s)
+        self._recorder = Recorder(folder) if options.record is not None else None
+        self._station = GroundStation(options.scenario, director=self._director, recorder=self._recorder)
+        self._supervisor = Supervisor(folder, self._child_ended)
+        self._names = {f"vehicle{vehicle.id}": vehicle.id for vehicle in options.scenario.vehicles}
+        self._launched_s = 0.0
+
+    async def run(self) -> FlightResult:
+        """Warm up, fly, stop everything, summarize."""
+        if not await self._warm_up():
+            return FlightResult(None, tuple(self._problems), self._folder)
+        cpu, started = _cpu_s(), time.monotonic()
+        children_cpu_s: dict[str, float] = {}
+        try:
+            await self._station.open()
+            self._describe()
+            await self._launch()
+            reason = await run_session(self._station, self._display, self._stop, time.time, self._cannot_go_on)
+            if reason is not None:
+                self._problem(reason)
+            children_cpu_s = self._supervisor.cpu_times_s()
+        finally:
+            await self._stop_all()
+        elapsed_s = time.monotonic() - started
+        self._find_faults()
+        facts = summary.FlightFacts(
+            scenario=self._options.scenario.name,
+            version=self._options.version,
+            seed=self._options.seed,
+            mission_start_s=self._director.start_s,
+            mission_end_s=self._director.landing_since_s,
+            cpu_cores=(_cpu_s() - cpu) / elapsed_s,
+            cpu_s=children_cpu_s,
+            problems=tuple(self._problems),
+        )
+        result = summary.summarize(self._station.team, facts, time.time())
+        self._describe(result)
+        return FlightResult(result, tuple(self._problems), self._folder)
+
+    async def _warm_up(self) -> bool:
+        """Compile the kernels once, before several processes need them at a time; whether that went well."""
+        await self._supervisor.start("warmup", self._programs.warm_up)
+        began = time.monotonic()
+        told = False
+        while "warmup" in self._supervisor.running():
+            if self._stop.count:
+                await self._supervisor.stop(_STOP_GRACE_S)
+                self._problem("stopped before the flight")
+                return False
+            if not told and time.monotonic() - began > _WARM_UP_QUIET_S:
+                told = True
+                self._say(mavlink.MAV_SEVERITY_INFO, "compiling planner kernels (first start only)…")
+            await asyncio.sleep(0.05)
+        returncode = await self._supervisor.wait("warmup")
+        if returncode != 0:
+            log = self._supervisor.log_folder / "warmup.log"
+            self._problem(f"the planner's kernels cannot be compiled (exit code {returncode})", tail(log))
+        return returncode == 0
+
+    async def _launch(self) -> None:
+        self._launched_s = time.monotonic()
+        await self._supervisor.start(_BRIDGE, self._programs.bridge)
+        for name, vehicle_id in self._names.items():
+            await self._supervisor.start(name, self._programs.onboard(vehicle_id))
+
+    async def _stop_all(self) -> None:
+        try:
+            if self._stop.count > 1:
+                self._supervisor.kill()
+            await self._supervisor.stop(_STOP_GRACE_S)
+        finally:
+            self._station.close()
+            if self._recorder is not None:
+                self._recorder.close()
+                for warning in self._recorder.take_warnings():
+                    self._say(mavlink.MAV_SEVERITY_WARNING, warning)
+
+    def _child_ended(self, child: ChildExit) -> None:
+        """A child is gone: at once say which, why, and its last words."""
+        if child.expected or child.name == "warmup":
+            return
+        vehicle_id = self._names.get(child.name)
+        if vehicle_id is None:
+            self._bridge_ended = True
+            self._problem(f"the bridge ended: {child.reason}", child.last_lines)
+        else:
+            self._station.dead.add(vehicle_id)
+            self._problem(f"vehicle {vehicle_id}'s onboard process ended: {child.reason}", child.last_lines)
+
+    def _cannot_go_on(self, team: TeamState) -> str | None:
+        if self._bridge_ended:
+            return "nothing is left to fly without the bridge"
+        if self._director.phase is not Phase.WAITING:
+            return None
+        if self._station.dead:
+            return "the team is not complete, so nobody takes off"
+        if self._stop.count:
+            return "stopped before takeoff"
+        if time.monotonic() - self._launched_s > _READY_PATIENCE_S:
+            missing = [v.id for v in team.vehicles if v.flight_state is not FlightState.STANDBY]
+            return f"not ready within {_READY_PATIENCE_S:.0f} s: vehicles {', '.join(map(str, missing))}"
+        return None
+
+    def _find_faults(self) -> None:
+        """What the summary must not hide: who did not fly, who is not down."""
+        for vehicle_id, figures in self._station.team.figures().items():
+            if self._director.start_s is not None and not (figures.landed and figures.disarmed):
+                self._problems.append(f"vehicle {vehicle_id} did not land and disarm")
+
+    def _problem(self, text: str, last_lines: tuple[str, ...] = ()) -> None:
+        self._problems.append(text)
+        self._say(mavlink.MAV_SEVERITY_ERROR, text)
+        for line in last_lines:
+            self._say(mavlink.MAV_SEVERITY_ERROR, f"  | {line}")
+
+    def _say(self, severity: int, text: str) -> None:
+        self._display.event(Event(time.time(), severity, "launcher", text))
+
+    def _describe(self, result: dict[str, Any] | None = None) -> None:
+        """What was flown, beside the recording."""
+        if self._recorder is None:
+            return
+        options = self._options
+        flight = {"scenario": options.scenario.name, "seed": options.seed, "version": options.version}
+        flight |= {"duration_s": options.duration_s, "vehicles": list(self._names.values())}
+        flight |= {"started": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "mission_start_s": self._director.start_s}
+        try:
+            if result is None:
+                shutil.copyfile(options.config, self._folder / "scenario.yaml")
+                (self._folder / "flight.json").write_text(json.dumps(flight, indent=2) + "\n", encoding="utf-8")
+            else:
+                summary.write_json(result, self._folder / "summary.json")
+        except (OSError, GroundError) as error:
+            self._say(mavlink.MAV_SEVERITY_WARNING, f"the recording is not complete: {error}")
+
+
+def _cpu_s() -> float:
+    """CPU seconds of this process and of all children that have ended."""
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)

@@ -1,0 +1,141 @@
+"""What ``arvi fly`` and ``arvi gcs`` do once their arguments are understood; the exit codes."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import shutil
+import sys
+import time
+from pathlib import Path
+
+from rich.console import Console
+
+from gcs import summary
+from gcs.errors import GroundError
+from gcs.launcher import FlightOptions, fly, run_folder
+from gcs.mission import MissionDirector
+from gcs.recorder import Recorder
+from gcs.session import Display, StopRequests, run_session
+from gcs.station import GroundStation
+from gcs.terminal import open_display
+from onboard.config import Scenario
+from onboard.errors import OnboardError
+
+__all__ = ["run_flight", "run_station"]
+
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+
+
+def run_flight(
+    config: Path,
+    scenario: Scenario,
+    duration_s: float,
+    seed: int | None,
+    record: Path | None,
+    json_path: Path | None,
+    version: str,
+    *,
+    headless: bool,
+) -> int:
+    """Fly a simulated team and print the summary; the exit code.
+
+    Args:
+        config: The scenario's file.
+        scenario: What it says.
+        duration_s: From step 0 to landing, s.
+        seed: Of the simulation; None takes the scenario's.
+        record: Folder for recordings.
+        json_path: File for the summary.
+        version: Of this program.
+        headless: Print lines, draw nothing.
+    """
+    console = Console()
+    simulated = scenario.simulation
+    options = FlightOptions(
+        config=config,
+        scenario=scenario,
+        duration_s=duration_s,
+        seed=seed if seed is not None else simulated.seed if simulated is not None else 0,
+        record=record,
+        version=version,
+    )
+    title = f"arvi · {scenario.name} · seed {options.seed}"
+    try:
+        with open_display(console, scenario, title, headless=headless) as display:
+            result = asyncio.run(fly(options, display))
+        if result.summary is not None:
+            console.print(summary.render(result.summary))
+            if json_path is not None:
+                summary.write_json(result.summary, json_path)
+    except (GroundError, OnboardError) as error:
+        sys.stderr.write(f"{error}\n")
+        return EXIT_BAD_INPUT
+    if result.folder is not None:
+        console.print(f"recording and logs: {result.folder}", highlight=False, soft_wrap=True)
+    return EXIT_FAILED if result.problems else 0
+
+
+def run_station(
+    config: Path,
+    scenario: Scenario,
+    duration_s: float | None,
+    record: Path | None,
+    version: str,
+    *,
+    start: bool,
+    headless: bool,
+) -> int:
+    """Run the ground station alone; the exit code.
+
+    Args:
+        config: The scenario's file.
+        scenario: What it says.
+        duration_s: From step 0 to landing, s; None flies until stopped.
+        record: Folder for recordings.
+        version: Of this program.
+        start: Start and land the team; otherwise only watch.
+        headless: Print lines, draw nothing.
+    """
+    console = Console()
+    mission = scenario.mission
+    director = None
+    if start:
+        limit_s = math.inf if duration_s is None else duration_s
+        director = MissionDirector(mission.step_s, mission.takeoff_time_s, limit_s)
+    try:
+        with run_folder(record, scenario.name) as folder:
+            folder.keep = record is not None
+            recorder = None
+            if record is not None:
+                shutil.copyfile(config, folder.path / "scenario.yaml")
+                about = {"scenario": scenario.name, "version": version, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
+                (folder.path / "flight.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+                recorder = Recorder(folder.path)
+            station = GroundStation(scenario, director=director, recorder=recorder)
+            with open_display(console, scenario, f"arvi · {scenario.name}", headless=headless) as display:
+                reason = asyncio.run(_watch(station, display))
+            if recorder is not None:
+                recorder.close()
+                console.print(f"recording: {folder.path}", highlight=False, soft_wrap=True)
+    except OSError as error:
+        sys.stderr.write(f"{record}: the recording cannot be started: {error.strerror or error}\n")
+        return EXIT_BAD_INPUT
+    except (GroundError, OnboardError) as error:
+        sys.stderr.write(f"{error}\n")
+        return EXIT_BAD_INPUT
+    if reason is not None:
+        sys.stderr.write(f"{reason}\n")
+    return 0 if reason is None else EXIT_FAILED
+
+
+async def _watch(station: GroundStation, display: Display) -> str | None:
+    stop = StopRequests()
+    await station.open()
+    try:
+        with stop.listening():
+            return await run_session(station, display, stop, time.time)
+    finally:
+        station.close()

@@ -1,0 +1,224 @@
+"""The operator's terminal: a live picture of the team, or plain lines where there is no terminal to draw on."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.columns import Columns
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from gcs.arena_map import ArenaMap, vehicle_style
+from gcs.session import Display
+from gcs.team import Event, TeamState
+from gcs.vehicle import VehicleState
+from onboard.config import Scenario
+from onboard.messages import FlightState
+from onboard.protocol import dialect as mavlink
+
+__all__ = ["LineDisplay", "LiveDisplay", "event_text", "open_display", "render_team"]
+
+_DRAW_PERIOD_S = 0.5
+_LINE_PERIOD_S = 5.0
+_MAP_COLUMNS, _MAP_ROWS = 48, 12
+_EVENT_LINES = 12
+_LOW_BATTERY = 0.2
+_STATE_STYLES = {
+    FlightState.TRACK: "green",
+    FlightState.HOLD: "cyan",
+    FlightState.RELEASED: "bold red",
+    FlightState.WAIT: "yellow",
+}
+
+
+@contextmanager
+def open_display(console: Console, scenario: Scenario, title: str, *, headless: bool) -> Iterator[Display]:
+    """A live picture on a terminal; lines when headless or when the output goes elsewhere."""
+    if headless or not console.is_terminal:
+        yield LineDisplay(console)
+        return
+    with Live(console=console, auto_refresh=False, transient=True) as live:
+        yield LiveDisplay(live, scenario, title)
+
+
+class LineDisplay:
+    """Events as lines, and one line of progress every few seconds.
+
+    Args:
+        console: Where to.
+        clock: Monotonic time, s.
+    """
+
+    def __init__(self, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        self._console = console
+        self._clock = clock
+        self._next_s = -math.inf
+
+    def show(self, team: TeamState, phase: str, time_left_s: float | None) -> None:
+        """Print a line when it is due."""
+        now_s = self._clock()
+        if now_s >= self._next_s:
+            self._next_s = now_s + _LINE_PERIOD_S
+            self._console.print(progress_line(team, phase, time_left_s), highlight=False, soft_wrap=True)
+
+    def event(self, event: Event) -> None:
+        """Print an event."""
+        self._console.print(event_text(event), soft_wrap=True)
+
+
+class LiveDisplay:
+    """The picture of :func:`render_team`, redrawn twice a second.
+
+    Args:
+        live: The running rich display.
+        scenario: What is flown.
+        title: Stands on top.
+        clock: Monotonic time, s.
+    """
+
+    def __init__(self, live: Live, scenario: Scenario, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._live = live
+        self._map = ArenaMap(scenario, _MAP_COLUMNS, _MAP_ROWS)
+        self._title = title
+        self._clock = clock
+        self._next_s = -math.inf
+        self._events: deque[Event] = deque(maxlen=_EVENT_LINES)
+
+    def show(self, team: TeamState, phase: str, time_left_s: float | None) -> None:
+        """Redraw when it is due."""
+        now_s = self._clock()
+        if now_s >= self._next_s:
+            self._next_s = now_s + _DRAW_PERIOD_S
+            picture = render_team(team, self._map, list(self._events), self._title, phase, time_left_s)
+            self._live.update(picture, refresh=True)
+
+    def event(self, event: Event) -> None:
+        """Show an event in the picture; errors stay on the terminal above it, too."""
+        self._events.append(event)
+        if event.severity <= mavlink.MAV_SEVERITY_ERROR:
+            self._live.console.print(event_text(event), soft_wrap=True)
+
+
+def progress_line(team: TeamState, phase: str, time_left_s: float | None) -> str:
+    """The team in one line."""
+    total = "?" if team.target_count is None else team.target_count
+    parts = [phase if time_left_s is None or math.isinf(time_left_s) else f"{phase}, {time_left_s:.0f} s left"]
+    parts.append(f"targets {team.discovered}/{total}")
+    if team.figures.rmse_now_m is not None:
+        parts.append(f"RMSE {team.figures.rmse_now_m:.2f} m")
+    if team.figures.entropy_now_nats is not None:
+        parts.append(f"entropy {team.figures.entropy_now_nats:.2f} nats")
+    for vehicle in team.vehicles:
+        state = vehicle.flight_state.name if vehicle.flight_state is not None else "silent"
+        misses = f" {vehicle.deadline_misses} late" if vehicle.deadline_misses else ""
+        parts.append(f"{vehicle.id}: {state} {vehicle.mode or '-'} {_number(vehicle.height_m, 1)} m{misses}")
+    return f"{time.strftime('%H:%M:%S', time.localtime(team.time_s))}  " + " | ".join(parts)
+
+
+def event_text(event: Event) -> Text:
+    """An event as one line."""
+    style = "red" if event.severity <= mavlink.MAV_SEVERITY_ERROR else ""
+    if event.severity == mavlink.MAV_SEVERITY_WARNING:
+        style = "yellow"
+    elif event.severity == mavlink.MAV_SEVERITY_NOTICE:
+        style = "bold"
+    stamp = time.strftime("%H:%M:%S", time.localtime(event.time_s))
+    return Text.assemble((f"{stamp}  ", "dim"), (f"{event.source}: ", "dim"), (event.text, style))
+
+
+def render_team(
+    team: TeamState, arena: ArenaMap, events: list[Event], title: str, phase: str, time_left_s: float | None
+) -> RenderableType:
+    """The whole picture: team, vehicles, map and events; made for 100 × 30 characters."""
+    map_panel = Panel(
+        arena.draw(team), title="north up · ◆ found  ◇ not yet", border_style="dim", width=arena.columns + 4
+    )
+    lines = Text("\n", no_wrap=True, overflow="ellipsis").join([event_text(event) for event in events[-arena.rows :]])
+    event_panel = Panel(lines, title="events", border_style="dim", height=arena.rows + 2)
+    lower = Table.grid(expand=True)
+    lower.add_column(width=arena.columns + 4)
+    lower.add_column(ratio=1)
+    lower.add_row(map_panel, event_panel)
+    return Group(_headline(title, phase, time_left_s), _team_figures(team), _vehicle_table(team), lower)
+
+
+def _headline(title: str, phase: str, time_left_s: float | None) -> RenderableType:
+    left = "" if time_left_s is None or math.isinf(time_left_s) else f"{time_left_s:.0f} s left"
+    line = Table.grid(expand=True)
+    line.add_column()
+    line.add_column(justify="center", ratio=1)
+    line.add_column(justify="right")
+    line.add_row(Text(title, style="bold"), Text(phase, style="bold green"), Text(left, style="bold"))
+    return line
+
+
+def _team_figures(team: TeamState) -> RenderableType:
+    total = "?" if team.target_count is None else str(team.target_count)
+    figures = team.figures
+    return Columns(
+        [
+            Text.assemble(("targets ", "dim"), (f"{team.discovered}/{total}", "bold")),
+            Text.assemble(("RMSE ", "dim"), (f"{_number(figures.rmse_now_m, 2)} m", "bold")),
+            Text.assemble(("entropy ", "dim"), (f"{_number(figures.entropy_now_nats, 2)} nats", "bold")),
+            Text.assemble(
+                ("means ", "dim"), f"{_number(figures.rmse_m, 2)} m, {_number(figures.entropy_nats, 2)} nats"
+            ),
+            Text("Ctrl-C lands the team", style="dim"),
+        ],
+        expand=True,
+    )
+
+
+def _vehicle_table(team: TeamState) -> Table:
+    table = Table(expand=True, header_style="dim", border_style="dim", pad_edge=False)
+    for name in ("", "state", "mode"):
+        table.add_column(name, no_wrap=True)
+    for name in ("battery", "height", "plan age", "planned in", "late", "setpoints", "off track"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("hears", no_wrap=True)
+    for i, vehicle in enumerate(team.vehicles):
+        table.add_row(
+            Text(str(vehicle.id), style=f"bold {vehicle_style(i)}"),
+            _state_cell(vehicle),
+            Text(vehicle.mode or "–", style="" if vehicle.autopilot_alive else "red"),
+            _battery_cell(vehicle.battery),
+            f"{_number(vehicle.height_m, 2)} m",
+            f"{_number(vehicle.plan_age_s, 1)} s",
+            _planning_cell(vehicle),
+            Text(str(vehicle.deadline_misses), style="red" if vehicle.deadline_misses else ""),
+            f"{_number(vehicle.setpoint_rate_hz, 0)} Hz",
+            f"{_number(vehicle.tracking_error_m, 2)} m",
+            " ".join(map(str, vehicle.neighbours)) or "–",
+        )
+    return table
+
+
+def _state_cell(vehicle: VehicleState) -> Text:
+    if vehicle.flight_state is None:
+        return Text("not heard", style="dim")
+    if not vehicle.onboard_alive:
+        return Text("silent", style="bold red")
+    return Text(vehicle.flight_state.name, style=_STATE_STYLES.get(vehicle.flight_state, ""))
+
+
+def _battery_cell(battery: float | None) -> Text:
+    if battery is None:
+        return Text("–")
+    return Text(f"{100 * battery:.0f} %", style="red" if battery < _LOW_BATTERY else "")
+
+
+def _planning_cell(vehicle: VehicleState) -> str:
+    if vehicle.planning_time_s is None or vehicle.planning_budget_s is None:
+        return "–"
+    return f"{1e3 * vehicle.planning_time_s:.0f}/{1e3 * vehicle.planning_budget_s:.0f} ms"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
