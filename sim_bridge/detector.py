@@ -59,7 +59,7 @@ class Detector:
 
     def is_due(self, time_s: float) -> bool:
         """Whether a look has become due by a time since the last look."""
-        return self._look_at(time_s) > self._look
+        return self._look_at(time_s) != self._look
 
     def look(
         self, time_s: float, step_s: float, vehicles: Iterable[VehicleTruth], targets: Sequence[TargetTruth]
@@ -73,11 +73,10 @@ class Detector:
             targets: Truth of the targets.
         """
         look = self._look_at(time_s)
-        if look <= self._look:
-            self._look = look  # the clock may have been set back
+        previous, self._look = self._look, look
+        if look <= previous:  # nothing is due, or the clock was set back
             return
-        self.looks_missed += look - self._look - 1
-        self._look = look
+        self.looks_missed += look - previous - 1
         look_s = look * self._config.period_s
         if time_s - look_s >= step_s:
             self.looks_missed += 1

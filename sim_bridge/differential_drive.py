@@ -13,6 +13,8 @@ from onboard.planning.primitives import sinc
 
 __all__ = ["DriveLimits", "arc", "braked", "stopping_path", "window"]
 
+_ROUNDING = 1e-9
+
 Point = tuple[float, float]
 Wheels = tuple[float, float]
 
@@ -53,9 +55,9 @@ class DriveLimits:
         speed, yaw_rate = self.motion(wheels)
         fastest = max(abs(wheels[0]), abs(wheels[1]))
         return (
-            speed >= -1e-9
-            and fastest <= self.max_wheel_speed_m_s + 1e-9
-            and abs(yaw_rate) <= self.max_yaw_rate_rad_s + 1e-9
+            speed >= -_ROUNDING
+            and fastest <= self.max_wheel_speed_m_s + _ROUNDING
+            and abs(yaw_rate) <= self.max_yaw_rate_rad_s + _ROUNDING
         )
 
 
@@ -75,7 +77,7 @@ def arc(
 def braked(wheels: Wheels, change_m_s: float) -> Wheels:
     """Wheel speeds one period into braking: both shrink in proportion, so the robot stays on its circle."""
     fastest = max(abs(wheels[0]), abs(wheels[1]))
-    if fastest <= change_m_s:
+    if fastest <= change_m_s + _ROUNDING:
         return 0.0, 0.0
     scale = (fastest - change_m_s) / fastest
     return wheels[0] * scale, wheels[1] * scale

@@ -154,7 +154,7 @@ class GroundRobots:
         for _ in range(_PLACES_TRIED):
             goal = self._arena.random_place(self._rng, self._wall_reach_m + CLEARANCE_M)
             if self._arena.is_free_line(here, goal, self._wall_reach_m):
-                break
+                break  # in a corner that sees nothing of the arena, the last place has to do
         robot.goal = goal
         robot.cruise_m_s = float(self._rng.uniform(*self._config.cruise_speed_m_s))
         robot.nearest_m, robot.patience_s = math.dist(here, goal), _PATIENCE_S
@@ -183,13 +183,21 @@ class GroundRobots:
 
     def _is_admissible(self, path: tuple[tuple[float, float], ...], near: list[_Robot]) -> bool:
         """Whether a robot may commit itself to a stopping path."""
-        length = self._limits.max_wheel_speed_m_s * self._limits.period_s * (len(path) - 1)
-        start = path[0]
-        if self._arena.wall_distance(*start) < self._wall_reach_m + length and any(
+        start, own_travel = path[0], self._travel(path)
+        if self._arena.wall_distance(*start) < self._wall_reach_m + own_travel and any(
             self._arena.wall_distance(*point) < self._wall_reach_m for point in path[1:]
         ):
             return False
-        return not any(paths_touch(path, other.path, self._reach_m) for other in near)
+        return not any(
+            paths_touch(path, other.path, self._reach_m)
+            for other in near
+            if math.dist(start, other.path[0]) < self._reach_m + own_travel + self._travel(other.path)
+        )
+
+    def _travel(self, path: tuple[tuple[float, float], ...]) -> float:
+        """The longest that a stopping path of so many periods can be, m: in its k-th last, at most k changes fast."""
+        periods = len(path) - 1
+        return self._limits.max_change_m_s * self._limits.period_s * 0.5 * periods * (periods + 1)
 
     def _cells(self) -> dict[tuple[int, int], list[_Robot]]:
         """Robots by square cells as wide as anybody looks."""
