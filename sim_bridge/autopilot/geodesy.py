@@ -1,0 +1,43 @@
+"""Local north and east to latitude and longitude: PX4's azimuthal equidistant projection on a sphere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+__all__ = ["EARTH_RADIUS_M", "GlobalOrigin"]
+
+EARTH_RADIUS_M = 6371000.0
+
+
+@dataclass(frozen=True)
+class GlobalOrigin:
+    """Where the local frame's origin is on Earth.
+
+    Attributes:
+        latitude_deg: Latitude, degrees.
+        longitude_deg: Longitude, degrees.
+        altitude_m: Altitude above mean sea level, m.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+    def __post_init__(self) -> None:
+        latitude_rad = math.radians(self.latitude_deg)
+        object.__setattr__(self, "_sin", math.sin(latitude_rad))
+        object.__setattr__(self, "_cos", math.cos(latitude_rad))
+
+    def to_global(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Latitude and longitude of a local position, degrees."""
+        distance = math.hypot(north_m, east_m) / EARTH_RADIUS_M
+        if distance == 0.0:
+            return self.latitude_deg, self.longitude_deg
+        sin_c, cos_c = math.sin(distance), math.cos(distance)
+        sin_origin: float = self._sin  # type: ignore[attr-defined]
+        cos_origin: float = self._cos  # type: ignore[attr-defined]
+        north, east = north_m / EARTH_RADIUS_M, east_m / EARTH_RADIUS_M
+        latitude = math.asin(cos_c * sin_origin + north * sin_c * cos_origin / distance)
+        longitude = math.atan2(east * sin_c, distance * cos_origin * cos_c - north * sin_origin * sin_c)
+        return math.degrees(latitude), self.longitude_deg + math.degrees(longitude)

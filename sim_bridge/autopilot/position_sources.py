@@ -1,0 +1,129 @@
+"""Where positions come from: motion capture over MAVLink, or a simulated GPS receiver."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from onboard.protocol import dialect as mavlink
+from sim_bridge.autopilot.estimator import Estimator
+from sim_bridge.autopilot.parameters import ParameterStore
+from sim_bridge.vehicle import Vehicle
+
+__all__ = ["ExternalVision", "Gps"]
+
+_HORIZONTAL, _VERTICAL, _VELOCITY, _YAW = 1, 2, 4, 8
+"""Bits of EKF2_EV_CTRL."""
+
+_VISION_TYPES = frozenset(
+    {
+        mavlink.MAV_ESTIMATOR_TYPE_UNKNOWN,
+        mavlink.MAV_ESTIMATOR_TYPE_NAIVE,
+        mavlink.MAV_ESTIMATOR_TYPE_VISION,
+        mavlink.MAV_ESTIMATOR_TYPE_VIO,
+    }
+)
+_NED = mavlink.MAV_FRAME_LOCAL_NED
+_BODY = mavlink.MAV_FRAME_BODY_FRD
+
+GPS_INTERVAL_S = 0.1
+GPS_ERROR_STD_M = 0.2
+GPS_ERROR_TIME_CONSTANT_S = 60.0
+
+_VISION_TIMEOUT_S = 1.0
+
+
+class ExternalVision:
+    """ODOMETRY and VISION_POSITION_ESTIMATE into the estimator.
+
+    PX4 fuses ODOMETRY only in the local NED frame and of a vision type; type MOCAP and ATT_POS_MOCAP are never fused.
+    """
+
+    def __init__(self, parameters: ParameterStore, estimator: Estimator) -> None:
+        self._parameters = parameters
+        self._estimator = estimator
+        self._received_s = -math.inf
+
+    def active(self, time_s: float) -> bool:
+        """Whether positions arrive now."""
+        return time_s - self._received_s <= _VISION_TIMEOUT_S
+
+    def receive_odometry(self, message: mavlink.MAVLink_odometry_message, time_s: float) -> None:
+        """ODOMETRY: position, heading, and velocity if EKF2_EV_CTRL has its bit."""
+        if message.frame_id != _NED or message.estimator_type not in _VISION_TYPES:
+            return
+        w, x, y, z = message.q
+        yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        velocity = None
+        if message.child_frame_id == _NED:
+            velocity = (message.vx, message.vy, message.vz)
+        elif message.child_frame_id == _BODY:
+            cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+            velocity = (
+                message.vx * cos_yaw - message.vy * sin_yaw,
+                message.vx * sin_yaw + message.vy * cos_yaw,
+                message.vz,
+            )
+        self._fuse(time_s, (message.x, message.y, message.z), velocity, yaw_rad)
+
+    def receive_position(self, message: mavlink.MAVLink_vision_position_estimate_message, time_s: float) -> None:
+        """VISION_POSITION_ESTIMATE."""
+        self._fuse(time_s, (message.x, message.y, message.z), None, message.yaw)
+
+    def _fuse(
+        self,
+        time_s: float,
+        position: tuple[float, float, float],
+        velocity: tuple[float, float, float] | None,
+        yaw_rad: float,
+    ) -> None:
+        control = int(self._parameters["EKF2_EV_CTRL"])
+        if control & (_HORIZONTAL | _VERTICAL) == 0 or not all(math.isfinite(value) for value in position):
+            return
+        if velocity is not None and (control & _VELOCITY == 0 or not all(math.isfinite(value) for value in velocity)):
+            velocity = None
+        self._received_s = time_s
+        delay_s = 1e-3 * self._parameters["EKF2_EV_DELAY"]
+        self._estimator.correct_position(time_s, position, delay_s, velocity)
+        if control & _YAW and math.isfinite(yaw_rad):
+            self._estimator.correct_yaw(time_s, yaw_rad)
+
+
+class Gps:
+    """A receiver whose error wanders slowly. It is not fused while motion capture is.
+
+    Args:
+        parameters: SYS_HAS_GPS and EKF2_GPS_CTRL switch it on.
+        vehicle: Whose position.
+        rng: Source of its error.
+
+    Attributes:
+        position: What it says: north m, east m, down m.
+    """
+
+    def __init__(self, parameters: ParameterStore, vehicle: Vehicle, rng: np.random.Generator) -> None:
+        self._parameters = parameters
+        self._vehicle = vehicle
+        self._rng = rng
+        self._next_s = -math.inf
+        self._keep = math.exp(-GPS_INTERVAL_S / GPS_ERROR_TIME_CONSTANT_S)
+        self._error = [GPS_ERROR_STD_M * value for value in rng.standard_normal(3).tolist()]
+        self.position = (vehicle.north_m, vehicle.east_m, vehicle.down_m)
+
+    @property
+    def enabled(self) -> bool:
+        """Whether there is a receiver that is fused."""
+        return self._parameters["SYS_HAS_GPS"] != 0 and self._parameters["EKF2_GPS_CTRL"] != 0
+
+    def poll(self, time_s: float) -> tuple[float, float, float] | None:
+        """A new position ten times a second: north m, east m, down m."""
+        if time_s < self._next_s:
+            return None
+        self._next_s = time_s + GPS_INTERVAL_S
+        kick = GPS_ERROR_STD_M * math.sqrt(1.0 - self._keep**2)
+        noise = self._rng.standard_normal(3).tolist()
+        self._error = [self._keep * error + kick * value for error, value in zip(self._error, noise, strict=True)]
+        vehicle, error = self._vehicle, self._error
+        self.position = (vehicle.north_m + error[0], vehicle.east_m + error[1], vehicle.down_m + error[2])
+        return self.position

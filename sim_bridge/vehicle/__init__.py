@@ -1,0 +1,5 @@
+"""How a simulated multirotor moves."""
+
+from sim_bridge.vehicle.dynamics import Vehicle, VelocityCommand
+
+__all__ = ["Vehicle", "VelocityCommand"]
