@@ -181,8 +181,8 @@ class _Flight:
         """Warm up, fly, stop everything, summarize."""
         if not await self._warm_up():
             return FlightResult(None, tuple(self._problems), self._folder)
-        cpu, started = _cpu_s(), time.monotonic()
-        children_cpu_s: dict[str, float] = {}
+        cpu, own_cpu, started = _cpu_s(), time.process_time(), time.monotonic()
+        cpu_by_name: dict[str, float] = {}
         try:
             await self._station.open()
             self._describe()
@@ -190,7 +190,7 @@ class _Flight:
             reason = await run_session(self._station, self._display, self._stop, time.time, self._cannot_go_on)
             if reason is not None:
                 self._problem(reason)
-            children_cpu_s = self._supervisor.cpu_times_s()
+            cpu_by_name = {"ground": time.process_time() - own_cpu, **self._supervisor.cpu_times_s()}
         finally:
             await self._stop_all()
         elapsed_s = time.monotonic() - started
@@ -202,7 +202,7 @@ class _Flight:
             mission_start_s=self._director.start_s,
             mission_end_s=self._director.landing_since_s,
             cpu_cores=(_cpu_s() - cpu) / elapsed_s,
-            cpu_s=children_cpu_s,
+            cpu_s=cpu_by_name,
             problems=tuple(self._problems),
         )
         result = summary.summarize(self._station.team, facts, time.time())

@@ -25,6 +25,7 @@ from onboard.errors import OnboardError
 
 __all__ = ["run_flight", "run_station"]
 
+_WIDTH = 100
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 
@@ -52,7 +53,7 @@ def run_flight(
         version: Of this program.
         headless: Print lines, draw nothing.
     """
-    console = Console()
+    console = _console()
     simulated = scenario.simulation
     options = FlightOptions(
         config=config,
@@ -99,7 +100,7 @@ def run_station(
         start: Start and land the team; otherwise only watch.
         headless: Print lines, draw nothing.
     """
-    console = Console()
+    console = _console()
     mission = scenario.mission
     director = None
     if start:
@@ -129,6 +130,12 @@ def run_station(
     if reason is not None:
         sys.stderr.write(f"{reason}\n")
     return 0 if reason is None else EXIT_FAILED
+
+
+def _console() -> Console:
+    """Standard output; wide enough for our tables where it is no terminal, and has no width."""
+    console = Console()
+    return console if console.is_terminal else Console(width=_WIDTH)
 
 
 async def _watch(station: GroundStation, display: Display) -> str | None:

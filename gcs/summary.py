@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -103,7 +104,10 @@ def write_json(summary: dict[str, Any], path: Path) -> None:
 
 
 def render(summary: dict[str, Any]) -> RenderableType:
-    """The summary as tables."""
+    """The summary as tables; only the problems of a team that never took off."""
+    problems = [Text(f"! {problem}", style="red") for problem in summary["problems"]]
+    if summary["duration_s"] is None and problems:
+        return Group(*problems)
     times = summary["time_to_discover_s"]
     found = ", ".join(f"{target}: {seconds:.1f}" for target, seconds in times.items() if seconds is not None)
     total = "?" if summary["targets"] is None else summary["targets"]
@@ -117,26 +121,33 @@ def render(summary: dict[str, Any]) -> RenderableType:
     head.add_row("position RMSE", Text(_shown(summary["rmse_m"], 3, " m"), style="bold"))
     head.add_row("entropy per target", _shown(summary["entropy_nats"], 2, " nats"))
     head.add_row("processor", _shown(summary["cpu_cores"], 2, " cores"))
-    table = Table(header_style="dim", border_style="dim", title_justify="left")
-    for name in ("vehicle", "setpoints\nHz", "longest\ngap ms", "plans", "late", "plan p99\nms", "to peers\nB/s"):
-        table.add_column(name, justify="right")
-    for name in ("track error\nRMS m", "closest\nm"):
-        table.add_column(name, justify="right")
-    table.add_column("end")
+    table = Table(box=SIMPLE_HEAD, header_style="dim", pad_edge=False, collapse_padding=True)
+    for name in (
+        "",
+        "setpoints",
+        "longest\ngap",
+        "plans",
+        "late",
+        "plan time\n(p99)",
+        "to peers",
+        "off track\n(RMS)",
+        "closest",
+    ):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("end", no_wrap=True)
     for vehicle in summary["vehicles"]:
         table.add_row(
             str(vehicle["id"]),
-            _shown(vehicle["setpoint_rate_hz"], 1),
-            _shown(_milli(vehicle["setpoint_gap_max_s"]), 0),
+            _shown(vehicle["setpoint_rate_hz"], 1, " Hz"),
+            _shown(_milli(vehicle["setpoint_gap_max_s"]), 0, " ms"),
             _shown(vehicle["plans"], 0),
             _shown(vehicle["deadline_misses"], 0),
-            _shown(_milli(vehicle["planning_time_p99_s"]), 0),
-            _shown(vehicle["peer_bytes_per_s"], 0),
-            _shown(vehicle["tracking_error_rms_m"], 2),
-            _shown(vehicle["min_separation_m"], 2),
+            _shown(_milli(vehicle["planning_time_p99_s"]), 0, " ms"),
+            _shown(vehicle["peer_bytes_per_s"], 0, " B/s"),
+            _shown(vehicle["tracking_error_rms_m"], 2, " m"),
+            _shown(vehicle["min_separation_m"], 2, " m"),
             _ending(vehicle),
         )
-    problems = [Text(f"! {problem}", style="red") for problem in summary["problems"]]
     return Group(head, table, *problems)
 
 
@@ -160,7 +171,7 @@ def _vehicle(vehicle_id: int, figures: VehicleFigures) -> dict[str, Any]:
 
 def _ending(vehicle: dict[str, Any]) -> Text:
     if vehicle["landed"] and vehicle["disarmed"]:
-        return Text("landed, disarmed", style="green")
+        return Text("landed", style="green")
     if vehicle["disarmed"] is None:
         return Text("never heard", style="red")
     if vehicle["disarmed"]:
