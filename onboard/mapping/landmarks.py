@@ -64,9 +64,9 @@ def frontier_landmarks(
     if max_landmarks <= 0 or len(rows) == 0:
         return []
     if len(rows) > MAX_CANDIDATES:
-        # an oblique lattice of the cells stands for all: it thins rows, columns and areas alike
-        chosen = (7 * rows + columns) % math.ceil(len(rows) / MAX_CANDIDATES) == 0
-        rows, columns = rows[chosen], columns[chosen]
+        # every k-th cell stands for all; an odd k does not keep to the same columns of whole tiles
+        k = math.ceil(len(rows) / MAX_CANDIDATES) | 1
+        rows, columns = rows[::k], columns[::k]
     cells = np.column_stack([rows, columns]).astype(np.float64)
     fixed = np.array([_in_cells(grid, *place) for place in kept]).reshape(-1, 2)
     centres = _farthest_points(

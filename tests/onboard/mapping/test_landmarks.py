@@ -1,0 +1,149 @@
+"""Frontiers and landmarks (paper, Section V-A; Algorithm 3, line 5)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from onboard.estimation.sensor import RangeBearingSensor
+from onboard.geometry import Pose
+from onboard.mapping.landmarks import FIRST_LANDMARK_ID, Landmarks, frontier_cells, frontier_landmarks
+from onboard.mapping.visibility_grid import VisibilityGrid
+
+AREA = [(0.0, 0.0), (20.0, 0.0), (20.0, 30.0), (0.0, 30.0)]
+SENSOR = RangeBearingSensor(0.1, 0.1, 4.0, math.tau)
+
+
+def explored_grid(*places):
+    grid = VisibilityGrid(AREA, 0.5)
+    for place in places:
+        grid.observe(Pose(*place, 0.0), SENSOR, 0.0)
+    return grid
+
+
+def explore_all(grid):
+    grid.observe(Pose(10.0, 15.0, 0.0), RangeBearingSensor(0.1, 0.1, 100.0, math.tau), 0.0)
+
+
+def test_frontier_cells_are_unexplored_with_an_explored_neighbour():
+    grid = explored_grid((5.0, 5.0), (7.0, 9.0))
+    rows, columns = grid.explored.shape
+    expected = np.zeros_like(grid.explored)
+    for i in range(rows):
+        for j in range(columns):
+            around = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
+            touched = any(0 <= a < rows and 0 <= b < columns and grid.explored[a, b] for a, b in around)
+            expected[i, j] = grid.inside[i, j] and not grid.explored[i, j] and touched
+    assert expected.any()
+    np.testing.assert_array_equal(frontier_cells(grid), expected)
+
+
+def test_with_nothing_explored_everything_is_worth_a_look():
+    grid = VisibilityGrid(AREA, 0.5)
+    np.testing.assert_array_equal(frontier_cells(grid), grid.inside)
+    places = frontier_landmarks(grid, 6, Pose(1.0, 1.0, 0.0))
+    assert len(places) == 6
+    apart = [math.dist(a, b) for i, a in enumerate(places) for b in places[:i]]
+    assert min(apart) > 5.0
+
+
+def test_with_everything_explored_there_is_no_landmark():
+    grid = explored_grid()
+    explore_all(grid)
+    assert grid.explored_share == 1.0
+    assert frontier_landmarks(grid, 6, None) == []
+
+
+@pytest.mark.parametrize("count", [1, 3, 6, 20])
+def test_landmarks_are_frontier_cells_within_twice_the_best_reach_of_all(count):
+    """Gonzalez's bound, against the best of many random choices: no frontier cell is left without a landmark."""
+    grid = explored_grid((6.0, 6.0), (14.0, 22.0), (5.0, 24.0))
+    places = frontier_landmarks(grid, count, Pose(6.0, 6.0, 0.0))
+    assert 1 <= len(places) <= count
+    assert places == sorted(set(places))
+    frontier = frontier_cells(grid)
+    assert all(frontier[grid.cell_of(*place)] for place in places)
+    cells = np.array([grid.centre(i, j) for i, j in np.argwhere(frontier)])
+
+    def reach(chosen):
+        return np.linalg.norm(cells[:, None] - np.array(chosen)[None], axis=2).min(axis=1).max()
+
+    rng = np.random.default_rng(1)
+    best = min(reach(cells[rng.choice(len(cells), size=count, replace=False)]) for _ in range(400))
+    assert reach(places) <= 2.0 * best
+
+
+def test_separate_frontiers_all_get_a_landmark():
+    grid = explored_grid((4.0, 4.0), (16.0, 4.0), (4.0, 26.0), (16.0, 26.0))
+    places = frontier_landmarks(grid, 4, Pose(4.0, 4.0, 0.0))
+    nearest = {min(range(4), key=lambda k, p=p: math.dist(p, [(4, 4), (16, 4), (4, 26), (16, 26)][k])) for p in places}
+    assert nearest == {0, 1, 2, 3}
+
+
+def test_a_small_frontier_gets_few_landmarks():
+    grid = VisibilityGrid([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], 0.25)
+    grid.observe(Pose(0.0, 0.0, 0.0), RangeBearingSensor(0.1, 0.1, 1.0, math.tau), 0.0)
+    assert 1 <= len(frontier_landmarks(grid, 30, None)) <= 4
+
+
+def test_the_result_depends_on_the_arguments_only():
+    first = frontier_landmarks(explored_grid((6.0, 6.0), (14.0, 20.0)), 5, Pose(6.0, 6.0, 0.0))
+    second = frontier_landmarks(explored_grid((14.0, 20.0), (6.0, 6.0)), 5, Pose(6.0, 6.0, 1.0))
+    assert first == second
+
+
+def test_kept_landmarks_are_not_doubled():
+    grid = explored_grid((6.0, 6.0))
+    kept = frontier_landmarks(grid, 3, Pose(6.0, 6.0, 0.0))
+    added = frontier_landmarks(grid, 3, Pose(6.0, 6.0, 0.0), kept)
+    assert min(math.dist(a, b) for a in kept for b in added) >= 1.0
+
+
+def test_no_room_for_landmarks():
+    assert frontier_landmarks(explored_grid((6.0, 6.0)), 0, None) == []
+    assert dict(Landmarks(0).update(explored_grid((6.0, 6.0)), None)) == {}
+
+
+def test_landmarks_keep_their_identity_until_their_cell_is_explored():
+    grid = explored_grid((3.0, 3.0))
+    landmarks = Landmarks(5)
+    before = dict(landmarks.update(grid, Pose(3.0, 3.0, 0.0)))
+    assert len(before) == 5
+    assert min(before) == FIRST_LANDMARK_ID > 65535
+    assert dict(landmarks.update(grid, Pose(9.0, 9.0, 0.0))) == before
+    grid.observe(Pose(6.0, 6.0, 0.0), SENSOR, 1.0)
+    gone = {i for i, place in before.items() if grid.explored[grid.cell_of(*place)]}
+    after = dict(landmarks.update(grid, Pose(6.0, 6.0, 0.0)))
+    assert 0 < len(gone) < 5
+    assert before.keys() - gone == before.keys() & after.keys()
+    assert all(after[i] == before[i] for i in before.keys() & after.keys())
+    assert len(after) == 5
+    assert all(new > max(before) for new in after.keys() - before.keys())
+    assert list(after) == sorted(after)
+
+
+def test_exploration_of_the_lab_ends_and_starts_anew_when_places_are_forgotten():
+    """Chasing the nearest landmark explores the lab; forgetting keeps giving new goals."""
+    lab = [(0.0, 0.0), (4.0, 0.0), (4.0, 8.0), (0.0, 8.0)]
+    camera = RangeBearingSensor(0.3, 0.1, 1.0, math.tau)
+
+    def fly(forget_after_s):
+        grid, landmarks, place = VisibilityGrid(lab, 0.25, forget_after_s=forget_after_s), Landmarks(6), (1.0, 4.0)
+        idle = 0
+        for step in range(240):
+            grid.expire(0.5 * step)
+            grid.observe(Pose(*place, 0.0), camera, 0.5 * step)
+            goals = landmarks.update(grid, Pose(*place, 0.0)).values()
+            if goals:
+                goal = min(goals, key=lambda g: math.dist(g, place))
+                share = min(1.0, 0.5 / math.dist(goal, place))
+                place = tuple(p + share * (g - p) for p, g in zip(place, goal, strict=True))
+            else:
+                idle += 1
+        return grid, idle
+
+    explored, idle = fly(None)
+    assert explored.explored_share == 1.0
+    assert idle > 60
+    _, idle = fly(15.0)
+    assert idle == 0

@@ -1,0 +1,251 @@
+"""The visibility grid: what is seen is marked, exchanged and forgotten.
+
+Oracles go cell by cell with the sensor's own rule.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from onboard.config.polygon import contains
+from onboard.errors import OnboardError
+from onboard.estimation.sensor import RangeBearingSensor
+from onboard.geometry import Pose
+from onboard.mapping.errors import MappingError
+from onboard.mapping.visibility_grid import TILE_CELLS, VisibilityGrid
+from onboard.messages import ExploredTile
+from onboard.planning.problem import Obstacles
+
+LAB = [(0.0, 0.0), (4.0, 0.0), (4.0, 8.0), (0.0, 8.0)]
+L_SHAPE = [(-3.0, -5.0), (6.0, -5.0), (6.0, 1.0), (2.0, 1.0), (2.0, 7.0), (-3.0, 7.0)]
+ROUND = RangeBearingSensor(0.3, math.radians(5.0), 1.0, math.tau)
+NARROW = RangeBearingSensor(0.15, math.radians(5.0), 4.0, math.radians(94.0))
+WIDE = RangeBearingSensor(0.15, math.radians(5.0), 4.0, math.radians(250.0))
+
+
+def centres(grid):
+    rows, columns = grid.explored.shape
+    return ((i, j, *grid.centre(i, j)) for i in range(rows) for j in range(columns))
+
+
+@pytest.mark.parametrize("fence", [LAB, L_SHAPE], ids=["lab", "L"])
+def test_cells_count_whose_centre_is_inside_the_fence(fence):
+    grid = VisibilityGrid(fence, 0.25)
+    for i, j, north, east in centres(grid):
+        assert grid.inside[i, j] == contains(fence, (north, east))
+        assert grid.cell_of(north, east) == (i, j)
+    assert grid.cell_of(-100.0, 0.0) is None
+
+
+def test_the_lab_has_512_cells():
+    grid = VisibilityGrid(LAB, 0.25)
+    assert grid.inside.sum() == 16 * 32
+    assert grid.explored_share == 0.0
+
+
+@pytest.mark.parametrize("sensor", [ROUND, NARROW, WIDE], ids=["360", "94", "250"])
+@pytest.mark.parametrize("fence", [LAB, L_SHAPE], ids=["lab", "L"])
+def test_observe_marks_what_the_sensor_sees(fence, sensor):
+    grid = VisibilityGrid(fence, 0.25)
+    rng = np.random.default_rng(4)
+    expected = np.zeros_like(grid.explored)
+    for k in range(12):
+        pose = Pose(rng.uniform(-4.0, 7.0), rng.uniform(-6.0, 8.0), rng.uniform(-math.pi, math.pi))
+        before = expected.sum()
+        for i, j, north, east in centres(grid):
+            expected[i, j] |= grid.inside[i, j] and sensor.sees(*sensor.measure(pose, north, east))
+        assert grid.observe(pose, sensor, float(k)) == expected.sum() - before
+        np.testing.assert_array_equal(grid.explored, expected)
+    assert grid.explored_share == pytest.approx(expected.sum() / grid.inside.sum())
+
+
+def test_the_cell_right_below_is_seen_by_a_camera_that_looks_ahead():
+    grid = VisibilityGrid(LAB, 0.25)
+    grid.observe(Pose(*grid.centre(5, 9), 1.0), NARROW, 0.0)
+    assert grid.explored[5, 9]
+
+
+def test_walls_hide_what_is_behind_them():
+    blocked = np.zeros((8, 16), dtype=bool)
+    blocked[4, 4:12] = True  # a wall at north 2.0..2.5, east 2..6
+    grid = VisibilityGrid(LAB, 0.25, obstacles=Obstacles(blocked, 0.0, 0.0, 0.5))
+    far = RangeBearingSensor(0.1, 0.1, 20.0, math.tau)
+    grid.observe(Pose(1.0, 4.0, 0.0), far, 0.0)
+    assert not grid.inside[grid.cell_of(2.3, 4.0)]
+    assert grid.explored[grid.cell_of(1.9, 4.0)]
+    assert not grid.explored[grid.cell_of(3.0, 4.0)]
+    assert not grid.explored[grid.cell_of(3.9, 0.6)]  # the ray meets the wall at east 2.8
+    assert grid.explored[grid.cell_of(2.6, 0.4)]  # this one passes its end, at east 1.75
+        0.6 < 4.0 - 2.0 / 1.0 * 2.9
+    )  # its ray passes the wall at east 2.25
+    assert grid.explored[grid.cell_of(1.1, 7.9)]
+    grid.observe(Pose(3.5, 4.0, 0.0), far, 1.0)
+    assert grid.explored[grid.cell_of(3.0, 4.0)]
+
+
+def test_bad_grids_are_refused_by_name():
+    with pytest.raises(MappingError, match=r"between 0\.001 and 65\.535") as caught:
+        VisibilityGrid(LAB, 0.0001)
+    assert isinstance(caught.value, OnboardError)
+    with pytest.raises(MappingError, match="more than 4000000 cells"):
+        VisibilityGrid([(0.0, 0.0), (64.0, 0.0), (64.0, 64.0)], 0.01)
+    with pytest.raises(MappingError, match="too far from the origin"):
+        VisibilityGrid([(1e6, 0.0), (1e6 + 1.0, 0.0), (1e6, 1.0)], 0.25)
+    with pytest.raises(MappingError, match="no cell's centre is inside"):
+        VisibilityGrid([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1)], 1.0)
+    with pytest.raises(MappingError, match="forget_after_s"):
+        VisibilityGrid(LAB, 0.25, forget_after_s=0.0)
+
+
+# Exchange
+
+
+def test_a_tile_has_the_layout_of_the_message():
+    """EXPLORED_TILE: bit i of byte 4r + c/8, tile's corner at index × 32 × cell; here at (−1, 0)."""
+    grid = VisibilityGrid([(-8.0, 0.0), (8.0, 0.0), (8.0, 8.0), (-8.0, 8.0)], 0.25)
+    place = (-8.0 + 3.5 * 0.25, 13.5 * 0.25)  # row 3, column 13 of that tile
+    grid.observe(Pose(*place, 0.0), RangeBearingSensor(0.1, 0.1, 0.1, math.tau), 0.0)
+    (tile,) = grid.tiles(changed_since_last=True)
+    assert (tile.tile_north, tile.tile_east, tile.cell_mm) == (-1, 0, 250)
+    expected = bytearray(128)
+    expected[4 * 3 + 13 // 8] = 1 << (13 % 8)
+    assert tile.explored == bytes(expected)
+
+
+poses = st.builds(Pose, st.floats(-3.0, 6.0), st.floats(-5.0, 7.0), st.floats(-3.0, 3.0))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(poses, max_size=6), st.lists(poses, max_size=6))
+def test_robots_that_exchange_all_tiles_have_equal_maps(first_poses, second_poses):
+    first, second = VisibilityGrid(L_SHAPE, 0.3), VisibilityGrid(L_SHAPE, 0.3)
+    for grid, seen in ((first, first_poses), (second, second_poses)):
+        for pose in seen:
+            grid.observe(pose, NARROW, 0.0)
+    union = first.explored | second.explored
+    for tile in first.tiles(changed_since_last=False):
+        second.merge(tile, 1.0)
+    for tile in second.tiles(changed_since_last=False):
+        first.merge(tile, 1.0)
+    np.testing.assert_array_equal(first.explored, union)
+    np.testing.assert_array_equal(second.explored, union)
+
+
+def test_news_are_sent_once_and_merging_twice_adds_nothing():
+    sender, receiver = VisibilityGrid(LAB, 0.25), VisibilityGrid(LAB, 0.25)
+    new = sender.observe(Pose(2.0, 2.0, 0.0), ROUND, 0.0)
+    tiles = sender.tiles(changed_since_last=True)
+    assert len(tiles) == 1
+    assert sender.tiles(changed_since_last=True) == []
+    assert receiver.merge(tiles[0], 0.1) == new
+    assert receiver.merge(tiles[0], 0.2) == 0
+    # news are passed on to those the sender does not reach
+    assert receiver.tiles(changed_since_last=True) == tiles
+
+
+def test_robots_that_meet_later_become_equal_by_the_slow_repetition():
+    area = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)]
+    sender, late = VisibilityGrid(area, 0.5), VisibilityGrid(area, 0.5)
+    for north in (5.0, 15.0, 25.0, 35.0):
+        sender.observe(Pose(north, north, 0.0), RangeBearingSensor(0.1, 0.1, 8.0, math.tau), 0.0)
+    sender.tiles(changed_since_last=True)  # nobody in range
+    most = 0
+    for _ in range(16):
+        tiles = sender.tiles(changed_since_last=True)
+        most = max(most, len(tiles))
+        for tile in tiles:
+            late.merge(tile, 1.0)
+    np.testing.assert_array_equal(late.explored, sender.explored)
+    assert most <= 1
+
+
+def test_cells_outside_the_fence_are_ignored():
+    grid = VisibilityGrid(L_SHAPE, 0.25)
+    grid.merge(ExploredTile(0, 0, 250, b"\xff" * 128), 0.0)
+    assert grid.explored.any()
+    assert not (grid.explored & ~grid.inside).any()
+
+
+@pytest.mark.parametrize(
+    ("tile", "complaint"),
+    [
+        (ExploredTile(0, 0, 500, bytes(128)), "cells of 500 mm; this team's have 250 mm"),
+        (ExploredTile(0, 0, 250, bytes(127)), "127 bytes instead of 128"),
+        (ExploredTile(-1, 0, 250, bytes(128)), r"tile \(-1, 0\) is outside"),
+        (ExploredTile(0, 9, 250, bytes(128)), r"tile \(0, 9\) is outside"),
+    ],
+)
+def test_tiles_that_do_not_fit_are_refused(tile, complaint):
+    grid = VisibilityGrid(LAB, 0.25)
+    with pytest.raises(MappingError, match=complaint):
+        grid.merge(tile, 0.0)
+
+
+# Forgetting
+
+
+def test_without_forgetting_nothing_expires():
+    grid = VisibilityGrid(LAB, 0.25)
+    grid.observe(Pose(2.0, 2.0, 0.0), ROUND, 0.0)
+    assert grid.expire(1e9) == 0
+    assert grid.explored_share > 0.0
+
+
+def test_what_was_not_looked_at_for_long_is_unknown_again():
+    grid = VisibilityGrid(LAB, 0.25, forget_after_s=30.0)
+    first = grid.observe(Pose(2.0, 2.0, 0.0), ROUND, 0.0)
+    grid.observe(Pose(2.0, 2.5, 0.0), ROUND, 10.0)
+    both = grid.explored.copy()
+    assert grid.expire(29.9) == 0
+    only_first = grid.expire(30.0)
+    assert 0 < only_first < first
+    recent = VisibilityGrid(LAB, 0.25)
+    recent.observe(Pose(2.0, 2.5, 0.0), ROUND, 0.0)
+    np.testing.assert_array_equal(grid.explored, recent.explored)
+    assert both.sum() == grid.explored.sum() + only_first
+    grid.expire(40.0)
+    assert not grid.explored.any()
+
+
+def test_a_tile_counts_as_seen_at_its_reception():
+    sender, receiver = (VisibilityGrid(LAB, 0.25, forget_after_s=30.0) for _ in range(2))
+    sender.observe(Pose(2.0, 2.0, 0.0), ROUND, 0.0)
+    (tile,) = sender.tiles(changed_since_last=True)
+    receiver.merge(tile, 5.0)
+    assert receiver.expire(34.9) == 0
+    assert receiver.expire(35.0) > 0
+    assert not receiver.explored.any()
+
+
+def test_robots_do_not_keep_a_forgotten_place_alive_by_hearsay():
+    """Two robots in constant contact: one look at t = 0 is forgotten by both 1.5 × forget_after_s later."""
+    team = [VisibilityGrid(LAB, 0.25, forget_after_s=20.0) for _ in range(2)]
+    team[0].observe(Pose(2.0, 2.0, 0.0), ROUND, 0.0)
+    alive_until = 0.0
+    for step in range(200):
+        now = 0.5 * step
+        for grid in team:
+            grid.expire(now)
+        for here, there in ((0, 1), (1, 0)):
+            for tile in team[here].tiles(changed_since_last=True):
+                team[there].merge(tile, now)
+        if any(grid.explored.any() for grid in team):
+            alive_until = now
+    assert 20.0 <= alive_until <= 1.5 * 20.0
+
+
+def test_a_robot_that_meets_another_learns_what_that_one_saw_lately():
+    sender, late = (VisibilityGrid(LAB, 0.25, forget_after_s=30.0) for _ in range(2))
+    sender.observe(Pose(1.0, 1.0, 0.0), ROUND, 0.0)
+    sender.observe(Pose(3.0, 7.0, 0.0), ROUND, 14.0)
+    sender.tiles(changed_since_last=True)
+    sender.expire(16.0)
+    for _ in range(16):
+        for tile in sender.tiles(changed_since_last=True):
+            late.merge(tile, 16.0)
+    assert late.explored[late.cell_of(3.0, 7.0)]
+    assert not late.explored[late.cell_of(1.0, 1.0)]
+    assert late.explored.shape == (TILE_CELLS, TILE_CELLS)
