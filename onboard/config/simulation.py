@@ -30,13 +30,13 @@ class OriginConfig(Section):
 class VehicleDynamicsConfig(Section):
     """The simulated vehicles: second-order response to velocity and yaw-rate setpoints, with limits."""
 
-    natural_frequency_rad_s: Positive = 4.5
-    damping_ratio: Positive = 0.85
+    natural_frequency_rad_s: Positive = 6.0
+    damping_ratio: Positive = 0.9
     max_speed_m_s: Positive = 3.0
     max_acceleration_m_s2: Positive = 5.0
     max_climb_m_s: Positive = 1.5
     max_yaw_rate_rad_s: Positive = 3.5
-    yaw_rate_time_constant_s: Positive = 0.08
+    yaw_rate_time_constant_s: Positive = 0.17
     wind_acceleration_std_m_s2: NonNegative = 0.05
 
 
