@@ -1,4 +1,4 @@
-"""A stand-in for an onboard process: obeys start and land, says its state. `fake_onboard.py CONFIG N [--ignore-term]`."""
+"""A stand-in for an onboard process: obeys start and land. `fake_onboard.py CONFIG N [--ignore-term]`."""
 
 import asyncio
 import signal

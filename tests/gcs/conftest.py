@@ -1,0 +1,104 @@
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from onboard.config import Scenario, load_scenario
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec
+
+LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
+
+
+@pytest.fixture(scope="session")
+def scenario() -> Scenario:
+    """The lab: vehicles 1, 2, 3, five targets, τ = 0.5 s."""
+    return load_scenario(LAB)
+
+
+@pytest.fixture
+def heard() -> Callable[[int, int, mavlink.MAVLink_message], mavlink.MAVLink_message]:
+    """A message as it arrives from a system and component: packed, unpacked, with its header."""
+
+    def through_the_wire(system: int, component: int, message: mavlink.MAVLink_message) -> mavlink.MAVLink_message:
+        (received,) = Codec(255, 190).decode(Codec(system, component).encode(message))
+        return received
+
+    return through_the_wire
+
+
+@pytest.fixture
+def heartbeat() -> Callable[..., mavlink.MAVLink_message]:
+    """HEARTBEAT of a PX4 autopilot."""
+
+    def build(armed: bool = False, mode: int = 0x03040000) -> mavlink.MAVLink_message:
+        base = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+        return mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, base, mode, 4, 3)
+
+    return build
+
+
+@pytest.fixture
+def status() -> Callable[..., mavlink.MAVLink_message]:
+    """PLANNER_STATUS, with what a test does not care for filled in."""
+
+    def build(time_s: float, **changes: object) -> mavlink.MAVLink_message:
+        fields: dict[str, object] = {
+            "mission_start_usec": 0,
+            "north": 1.0,
+            "east": 2.0,
+            "down": 0.0,
+            "yaw": 0.0,
+            "tracking_error": float("nan"),
+            "plan_age": float("nan"),
+            "setpoint_gap_max": 0.0,
+            "setpoints": 0,
+            "plans": 0,
+            "deadline_misses": 0,
+            "peer_bytes_sent": 0,
+            "peer_bytes_received": 0,
+            "detections": 0,
+            "rejected": 0,
+            "neighbours": [0] * 32,
+            "state": 1,
+            "group_size": 1,
+            "group_order": 0,
+            "targets": 0,
+            "landmarks": 0,
+            "over_home": 1,
+        }
+        return mavlink.MAVLink_planner_status_message(round(time_s * 1e6), **(fields | changes))
+
+    return build
+
+
+@pytest.fixture
+def own_ports(tmp_path: Path) -> Path:
+    """The lab on UDP ports of its own, with a second to take off: a test may run beside a real flight."""
+    data = yaml.safe_load(LAB.read_text(encoding="utf-8"))
+    base = _free_base()
+    data["name"] = "own-ports"
+    data["mission"]["takeoff_time_s"] = 1.0
+    data["ground"] = {"url": f"udpin:127.0.0.1:{base}"}
+    for i, vehicle in enumerate(data["vehicles"]):
+        vehicle["links"] = {
+            "autopilot": f"udpin:127.0.0.1:{base + 10 + i}",
+            "peers": f"udpout:127.0.0.1:{base + 20 + i}",
+            "sensor": f"udpin:127.0.0.1:{base + 30 + i}",
+            "ground": f"udpout:127.0.0.1:{base}",
+        }
+    path = tmp_path / "own-ports.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    return path
+
+
+def _free_base() -> int:
+    """A port that the system has just given us; those above it are as good as always free, too."""
+    while True:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.bind(("127.0.0.1", 0))
+            port = int(sock.getsockname()[1])
+        if port < 60000:
+            return port
