@@ -1,0 +1,206 @@
+"""One vehicle's onboard computer against frames, good and bad, in virtual time."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from onboard.companion import COMPONENT, Companion, LinkName
+from onboard.config import load_scenario
+from onboard.messages import FlightState
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec
+from onboard.protocol.status_text import StatusTextAssembler
+
+SCENARIO = load_scenario(Path("configs/lab.yaml"))
+NOW = 1_800_000_000.0
+GROUND = Codec(255, 190)
+AUTOPILOT = Codec(1, 1)
+
+
+def companion() -> Companion:
+    return Companion(SCENARIO, 1, NOW)
+
+
+def received(unit: Companion, link: LinkName) -> list[mavlink.MAVLink_message]:
+    reader = Codec(99, 1)
+    return [message for name, frame in unit.outbox() if name is link for message in reader.decode(frame)]
+
+
+def make_ready(unit: Companion, time_s: float = NOW) -> None:
+    """What an autopilot says that is ready to fly."""
+    boot_ms = 60_000
+    for message in (
+        mavlink.MAVLink_heartbeat_message(2, 12, 0, 0x03040000, 3, 3),
+        mavlink.MAVLink_sys_status_message(0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_local_position_ned_message(boot_ms, 1.0, 2.8, 0.0, 0.0, 0.0, 0.0),
+        mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
+    ):
+        unit.receive(LinkName.AUTOPILOT, AUTOPILOT.encode(message), time_s)
+    unit.tick(time_s)
+
+
+def start(seconds: float, *, target: int = 1, component: int = COMPONENT) -> mavlink.MAVLink_command_int_message:
+    return mavlink.MAVLink_command_int_message(
+        target, component, 0, mavlink.MAV_CMD_ARVI_START, 0, 0, 0, 0, 0, 0, int(seconds), 500_000, 0
+    )
+
+
+def results(unit: Companion) -> list[int]:
+    messages = received(unit, LinkName.GROUND)
+    return [m.result for m in messages if isinstance(m, mavlink.MAVLink_command_ack_message)]
+
+
+def test_it_says_who_it_is_and_how_it_is_from_the_first_tick() -> None:
+    unit = companion()
+    unit.tick(NOW)
+    ground = received(unit, LinkName.GROUND)
+    (beat,) = [m for m in ground if isinstance(m, mavlink.MAVLink_heartbeat_message)]
+    assert (beat.get_srcSystem(), beat.get_srcComponent(), beat.type, beat.autopilot) == (1, 191, 18, 8)
+    (status,) = [m for m in ground if isinstance(m, mavlink.MAVLink_planner_status_message)]
+    assert status.state == FlightState.WAIT
+    assert math.isnan(status.north), "it does not know where it is, and says so"
+    assert received(unit, LinkName.PEERS) == []
+
+
+def test_heartbeats_come_once_and_statuses_twice_a_second() -> None:
+    unit = companion()
+    for tick in range(500):
+        unit.tick(NOW + 0.02 * tick)
+    ground = received(unit, LinkName.GROUND)
+    assert sum(isinstance(m, mavlink.MAVLink_heartbeat_message) for m in ground) == 10
+    assert sum(isinstance(m, mavlink.MAVLink_planner_status_message) for m in ground) == 20
+
+
+def test_a_start_before_the_autopilot_is_ready_is_refused_and_the_reason_told() -> None:
+    unit = companion()
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    unit.tick(NOW)
+    ground = received(unit, LinkName.GROUND)
+    (ack,) = [m for m in ground if isinstance(m, mavlink.MAVLink_command_ack_message)]
+    assert ack.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    assert (ack.target_system, ack.target_component) == (255, 190)
+    assembler = StatusTextAssembler()
+    texts = [assembler.receive(m) for m in ground if isinstance(m, mavlink.MAVLink_statustext_message)]
+    assert any(text is not None and "no heartbeat" in text[1] for text in texts)
+
+
+def test_a_start_arms_and_repeating_it_changes_nothing() -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    assert unit.machine.state is FlightState.ARM
+    agent = unit.agent
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW + 0.5)
+    assert unit.agent is agent
+    assert results(unit) == [mavlink.MAV_RESULT_ACCEPTED] * 2
+
+
+def test_another_start_in_flight_is_denied() -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 20)), NOW)
+    assert results(unit) == [mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED]
+
+
+@pytest.mark.parametrize("seconds", [-5.0, 1e6, -NOW])
+def test_a_start_in_the_past_or_far_ahead_is_denied(seconds: float) -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + seconds)), NOW)
+    assert results(unit) == [mavlink.MAV_RESULT_DENIED]
+    assert unit.machine.state is FlightState.STANDBY
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        Codec(254, 190).encode(start(NOW + 10)),
+        GROUND.encode(start(NOW + 10, target=2)),
+        GROUND.encode(start(NOW + 10, component=1)),
+    ],
+    ids=["from another system", "to another vehicle", "to another component"],
+)
+def test_commands_of_others_or_to_others_are_met_with_silence(frame: bytes) -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, frame, NOW)
+    assert results(unit) == []
+    assert unit.machine.state is FlightState.STANDBY
+
+
+def test_an_unknown_command_is_unsupported() -> None:
+    unit = companion()
+    message = mavlink.MAVLink_command_long_message(1, COMPONENT, mavlink.MAV_CMD_DO_CHANGE_SPEED, 0, *[0.0] * 7)
+    unit.receive(LinkName.GROUND, GROUND.encode(message), NOW)
+    assert results(unit) == [mavlink.MAV_RESULT_UNSUPPORTED]
+
+
+def status_of(unit: Companion, time_s: float) -> mavlink.MAVLink_planner_status_message:
+    unit.outbox()
+    unit.tick(time_s)
+    (status,) = [m for m in received(unit, LinkName.GROUND) if isinstance(m, mavlink.MAVLink_planner_status_message)]
+    return status
+
+
+def test_detections_need_a_pose_at_their_time_and_count_once() -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    bridge = Codec(250, 1)
+    for age in (0.0, 5.0):
+        message = mavlink.MAVLink_target_detection_message(round((NOW - age) * 1e6), 0.5, 0.0, 3)
+        unit.receive(LinkName.SENSOR, bridge.encode(message), NOW)
+    status = status_of(unit, NOW + 0.5)
+    assert (status.detections, status.rejected) == (1, 1)
+
+
+def test_absurd_messages_are_counted_and_change_nothing() -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    peer = Codec(2, COMPONENT)
+    usec = round((NOW + 10.5) * 1e6)
+    for message in (
+        mavlink.MAVLink_target_belief_message(usec, [math.nan] * 4, [1.0] * 10, 1, 1, 0),
+        mavlink.MAVLink_target_belief_message(usec, [0.0] * 4, [-1.0] * 10, 1, 1, 0),
+        mavlink.MAVLink_target_belief_message(usec, [0.0] * 4, [1.0] * 10, 1, 0, 0),
+        mavlink.MAVLink_explored_tile_message(0, 0, 9999, [255] * 128),
+        mavlink.MAVLink_explored_tile_message(30000, -30000, 250, [255] * 128),
+        mavlink.MAVLink_target_detection_message(round(NOW * 1e6), -3.0, 0.0, 1),
+    ):
+        link = LinkName.SENSOR if message.get_type() == "TARGET_DETECTION" else LinkName.PEERS
+        unit.receive(link, peer.encode(message), NOW)
+    assert unit.agent is not None
+    assert unit.agent.tracks == {}
+    assert status_of(unit, NOW + 0.5).rejected == 6
+
+
+def test_a_stranger_on_the_peer_link_is_not_heard() -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    other = Companion(SCENARIO, 2, NOW)
+    make_ready_frames = [mavlink.MAVLink_explored_tile_message(0, 0, 250, [255] * 128)]
+    for system in (77, 1):
+        for message in make_ready_frames:
+            unit.receive(LinkName.PEERS, Codec(system, COMPONENT).encode(message), NOW)
+    assert unit.agent is not None
+    assert unit.agent.grid.explored_share == 0.0
+    unit.receive(LinkName.PEERS, Codec(other.vehicle.id, COMPONENT).encode(make_ready_frames[0]), NOW)
+    assert unit.agent.grid.explored_share == 1.0
+
+
+@given(st.lists(st.tuples(st.sampled_from(list(LinkName)), st.binary(max_size=300)), max_size=20))
+def test_arbitrary_datagrams_on_every_link_never_raise_and_change_no_state(
+    datagrams: list[tuple[LinkName, bytes]],
+) -> None:
+    unit = companion()
+    make_ready(unit)
+    for link, data in datagrams:
+        unit.receive(link, data, NOW)
+    unit.tick(NOW + 0.02)
+    assert unit.machine.state is FlightState.STANDBY
