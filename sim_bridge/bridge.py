@@ -96,14 +96,14 @@ class Bridge:
 
     def _step(self, time_s: float) -> None:
         world = self.world
+        world.step(time_s)
+        if self._mocap.is_due(time_s):
+            self._mocap.sample(time_s, world.vehicle_truth())
         for vehicle_id, odometry in self._mocap.deliveries(time_s):
             world.vehicles[vehicle_id].autopilot.receive_mocap(odometry)
-        world.step(time_s)
         for vehicle_id, vehicle in world.vehicles.items():
             for link, message in vehicle.autopilot.outbox():
                 self._outbox.append(Outgoing(Port(link), vehicle_id, message))
-        if self._mocap.is_due(time_s):
-            self._mocap.sample(time_s, world.vehicle_truth())
         if self.detector.is_due(time_s):
             self.detector.look(time_s, self.pacer.period_s, world.vehicle_truth(), world.target_truth())
         for vehicle_id, detection in self.detector.deliveries(time_s):
@@ -168,7 +168,8 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
         time_s: UNIX time at which it starts, s.
 
     Raises:
-        BridgeError: The scenario has no ``simulation`` section, or its ground robots cannot be placed.
+        BridgeError: The scenario has no ``simulation`` section, an autopilot parameter that PX4 does not have, or
+            ground robots that cannot be placed.
     """
     simulation = scenario.simulation
     if simulation is None:

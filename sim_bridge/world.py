@@ -11,8 +11,7 @@ from typing import Protocol
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 from sim_bridge.arena import Arena
-from sim_bridge.autopilot.core import SimulatedAutopilot
-from sim_bridge.autopilot.links import LinkName
+from sim_bridge.autopilot import INDOOR_PARAMETERS, LinkName, ParameterError, SimulatedAutopilot
 from sim_bridge.errors import BridgeError
 from sim_bridge.ground_robots import GroundRobots
 from sim_bridge.seeding import Stream, generator
@@ -151,11 +150,18 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
         time_s: UNIX time at which the autopilots boot, s.
 
     Raises:
-        BridgeError: The scenario has no ``simulation`` section, or its ground robots cannot be placed.
+        BridgeError: The scenario has no ``simulation`` section, an autopilot parameter that PX4 does not have, or
+            ground robots that cannot be placed.
     """
     simulation = scenario.simulation
     if simulation is None:
         raise BridgeError(f"scenario {scenario.name} has no section simulation: there is nothing to simulate")
+    # Motion capture is the only source of positions, and the estimators know how late it is.
+    parameters = {
+        **INDOOR_PARAMETERS,
+        "EKF2_EV_DELAY": 1e3 * simulation.mocap.delay_s,
+        **simulation.parameters,
+    }
     vehicles = []
     for config in scenario.vehicles:
         body = Vehicle(
@@ -164,14 +170,17 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
             yaw_rad=config.home_pose.yaw_rad,
             rng=generator(seed, Stream.VEHICLE, config.id),
         )
-        autopilot = SimulatedAutopilot(
-            config.id,
-            body,
-            origin=simulation.origin,
-            parameters=simulation.parameters,
-            rng=generator(seed, Stream.AUTOPILOT, config.id),
-            boot_time_s=time_s,
-        )
+        try:
+            autopilot = SimulatedAutopilot(
+                config.id,
+                body,
+                origin=simulation.origin,
+                parameters=parameters,
+                rng=generator(seed, Stream.AUTOPILOT, config.id),
+                boot_time_s=time_s,
+            )
+        except ParameterError as error:
+            raise BridgeError(f"simulation.parameters.{error}") from None
         vehicles.append(SimulatedVehicle(config.id, body, autopilot))
     robots = GroundRobots(
         simulation.ground_robots, Arena(scenario.mission.fence), generator(seed, Stream.GROUND_ROBOTS)
