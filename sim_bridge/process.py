@@ -82,7 +82,7 @@ class BridgeProcess:
 
     def start(self) -> None:
         """Start the clockwork."""
-        self._tick()
+        self._timer = asyncio.get_running_loop().call_later(0.0, self._tick)
 
     def close(self) -> None:
         """Stop the clockwork and close all sockets."""
@@ -207,6 +207,8 @@ def run_bridge(scenario: Scenario, *, seed: int | None = None) -> int:
     """
     try:
         return asyncio.run(_serve(scenario, seed))
+    except KeyboardInterrupt:  # before the loop took over the signals
+        return 0
     except TransportError as error:
         _log.error(
             "%s Stop the other program, or give this scenario other ports (vehicles[].links, ground.url).", error

@@ -1,0 +1,193 @@
+"""The bridge as a real process on ports of its own: it speaks, stops on a signal, and says why it cannot start."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import yaml
+
+from onboard.config import load_scenario
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec
+from sim_bridge.__main__ import main
+from sim_bridge.process import run_bridge
+
+LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
+SHIFT = 20_000
+"""This test's ports lie this far above the usual ones, so that it may run beside a simulation."""
+
+
+def shifted_lab(folder):
+    """The lab scenario on other ports."""
+    data = yaml.safe_load(LAB.read_text(encoding="utf-8"))
+    for vehicle in data["vehicles"]:
+        n = vehicle["id"] - 1 + SHIFT
+        vehicle["links"] = {
+            "autopilot": f"udpin:127.0.0.1:{14540 + n}",
+            "peers": f"udpout:127.0.0.1:{14640 + n}",
+            "sensor": f"udpin:127.0.0.1:{14740 + n}",
+            "ground": f"udpout:127.0.0.1:{14550 + SHIFT}",
+        }
+    data["ground"] = {"url": f"udpin:127.0.0.1:{14550 + SHIFT}"}
+    path = folder / "lab.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    return path
+
+
+def listener(port):
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.bind(("127.0.0.1", port + SHIFT))
+    sock.setblocking(False)
+    return sock
+
+
+def start(path, *options):
+    command = [sys.executable, "-m", "sim_bridge", str(path), *options]
+    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+
+
+def collect(socks, until, limit_s):
+    """Messages by socket, ``(message, sender's port)``, until a condition on them holds."""
+    codec = Codec(255, 190)
+    heard = {name: [] for name in socks}
+    end = time.monotonic() + limit_s
+    while not until(heard):
+        assert time.monotonic() < end, {name: Counter(m.get_type() for m, _ in heard[name]) for name in heard}
+        for name, sock in socks.items():
+            try:
+                datagram, sender = sock.recvfrom(65536)
+            except BlockingIOError:
+                continue
+            heard[name] += [(message, sender[1] - SHIFT) for message in codec.decode(datagram)]
+    assert codec.rejected == 0
+    return heard
+
+
+def types(messages):
+    return {message.get_type() for message, _ in messages}
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_speaks_on_every_port_and_ends_cleanly(tmp_path, number):
+    socks = {n: listener(14540 + n - 1) for n in (1, 2, 3)} | {"ground": listener(14550)}
+    peers = {n: socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for n in (1, 2, 3)}
+    process = start(shifted_lab(tmp_path))
+    try:
+        heard = collect(
+            socks,
+            lambda heard: (
+                all("HEARTBEAT" in types(heard[n]) for n in (1, 2, 3))
+                and {m.get_srcSystem() for m, _ in heard["ground"] if m.get_type() == "HEARTBEAT"} == {1, 2, 3}
+                and {"TARGET_TRUTH", "VEHICLE_TRUTH"} <= types(heard["ground"])
+            ),
+            limit_s=30.0,
+        )
+        for n in (1, 2, 3):
+            assert {(m.get_srcSystem(), m.get_srcComponent()) for m, _ in heard[n]} == {(n, 1)}
+            assert {port for _, port in heard[n]} == {14580 + n - 1}
+        for message, port in heard["ground"]:
+            if message.get_srcSystem() != 250:
+                assert port == 18570 + message.get_srcSystem() - 1
+        assert {m.target_id for m, _ in heard["ground"] if m.get_type() == "TARGET_TRUTH"} == {1, 2, 3, 4, 5}
+
+        # A command is answered on the link on which it came.
+        request = mavlink.MAVLink_command_long_message(2, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0)
+        socks[2].sendto(Codec(2, 191).encode(request), ("127.0.0.1", 14581 + SHIFT))
+        heard = collect({2: socks[2]}, lambda heard: "AUTOPILOT_VERSION" in types(heard[2]), limit_s=5.0)
+        assert "COMMAND_ACK" in types(heard[2])
+
+        # All radios within 3 m hear a broadcast, byte for byte; its sender does not.
+        for n, sock in peers.items():
+            sock.setblocking(False)
+            sock.sendto(f"hello from {n}".encode(), ("127.0.0.1", 14640 + n - 1 + SHIFT))
+        time.sleep(0.1)
+        for sock in peers.values():
+            drain(sock)
+        peers[2].sendto(b"\x00not even a frame", ("127.0.0.1", 14641 + SHIFT))
+        time.sleep(0.1)
+        assert {n: drain(sock) for n, sock in peers.items()} == {
+            1: [b"\x00not even a frame"],
+            2: [],
+            3: [b"\x00not even a frame"],
+        }
+
+        process.send_signal(number)
+        _, log = process.communicate(timeout=10.0)
+        assert process.returncode == 0, log
+        assert "radio 2 to 1" in log
+        assert "Traceback" not in log
+    finally:
+        process.kill()
+        process.wait()
+        for sock in (*socks.values(), *peers.values()):
+            sock.close()
+
+
+def drain(sock):
+    received = []
+    while True:
+        try:
+            received.append(sock.recv(65536))
+        except BlockingIOError:
+            return received
+
+
+@pytest.mark.system
+def test_a_second_copy_names_the_port_and_leaves_the_first_alone(tmp_path):
+    path = shifted_lab(tmp_path)
+    sock = listener(14540)
+    first = start(path)
+    try:
+        collect({1: sock}, lambda heard: "HEARTBEAT" in types(heard[1]), limit_s=30.0)
+        second = start(path)
+        _, log = second.communicate(timeout=20.0)
+        assert second.returncode == 2
+        assert f"UDP port {14580 + SHIFT} is in use" in log
+        assert "Stop the other" in log
+        assert "Traceback" not in log
+        collect({1: sock}, lambda heard: "HEARTBEAT" in types(heard[1]), limit_s=5.0)
+        first.send_signal(signal.SIGINT)
+        first.communicate(timeout=10.0)
+        assert first.returncode == 0
+    finally:
+        first.kill()
+        first.wait()
+        sock.close()
+
+
+def test_a_scenario_without_simulation_is_refused(caplog):
+    scenario = load_scenario(LAB).model_copy(update={"simulation": None})
+    assert run_bridge(scenario) == 2
+    assert "has no section simulation" in caplog.text
+
+
+def test_a_failure_in_the_simulation_ends_the_process_with_its_cause(tmp_path, monkeypatch, caplog):
+    def fail(*_):
+        raise ZeroDivisionError("the physics broke")
+
+    monkeypatch.setattr("sim_bridge.bridge.Bridge.advance", fail)
+    assert run_bridge(load_scenario(shifted_lab(tmp_path))) == 1
+    assert "the physics broke" in caplog.text
+    # The sockets are free again.
+    listener(14580).close()
+
+
+def test_a_broken_configuration_is_said_and_exits_2(tmp_path, capsys):
+    path = tmp_path / "broken.yaml"
+    path.write_text("name: [", encoding="utf-8")
+    assert main([str(path)]) == 2
+    assert "not valid YAML" in capsys.readouterr().err
+
+
+def test_a_negative_seed_is_refused(tmp_path, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([str(shifted_lab(tmp_path)), "--seed", "-1"])
+    assert stop.value.code == 2
+    assert "a seed is not negative" in capsys.readouterr().err
