@@ -23,7 +23,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.planning.jit import kernel
+from onboard.planning.jit import inlined_kernel, kernel
 
 __all__ = ["FOUR", "TWO", "add_information", "log_determinant", "pack_block", "predict", "unpack_block"]
 
@@ -55,7 +55,7 @@ def unpack_block(packed: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([[a, b, d, e], [b, c, f, g], [d, f, h, i], [e, g, i, j]])
 
 
-@kernel
+@inlined_kernel
 def predict(
     rows: NDArray[np.float64],
     row: int,
@@ -99,7 +99,7 @@ def predict(
         out[k + 2] = rows[row, k + 2] + w_position
 
 
-@kernel
+@inlined_kernel
 def log_determinant(packed: NDArray[np.float64], n4: int, n2: int) -> float:
     """``log det Σ``, the sum over the blocks of one packed row of shape (L,)."""
     total, product = 0.0, 1.0

@@ -18,32 +18,34 @@ from onboard.planning.expand import block_offset, predict_row
 from onboard.planning.jit import entry_kernel
 from onboard.planning.looks import look_weights
 from onboard.planning.packing import PackedProblem
-from onboard.planning.tree import Tree
 
 __all__ = ["lower_bounds"]
 
 
 @entry_kernel
-def lower_bounds(problem: PackedProblem, tree: Tree) -> NDArray[np.float64]:
+def lower_bounds(problem: PackedProblem, scratch: NDArray[np.float64]) -> NDArray[np.float64]:
     """The least ``log det Σ_t`` that any plan can reach at each step, shape (T + 1,), 0 at step 0.
 
-    Uses ``tree.prediction`` and the second row of ``tree.rows`` as scratch.
+    Args:
+        problem: The problem.
+        scratch: (2, L) memory for two rows.
     """
+    blocks = problem.blocks
     bounds = np.zeros(problem.horizon + 1)
-    tree.rows[1] = problem.prior[0]
+    for k in range(scratch.shape[1]):
+        scratch[0, k] = blocks.prior[0, k]
     for step in range(1, problem.horizon + 1):
-        predict_row(problem, tree, 1, step)
-        reach = step * problem.reach_m
-        for block in range(problem.n4 + problem.n2):
+        predict_row(blocks, scratch, 0, step, scratch[1])
+        for block in range(blocks.n4 + blocks.n2):
             away = math.hypot(
-                problem.means[step, block, 0] - problem.start[0], problem.means[step, block, 1] - problem.start[1]
+                blocks.means[step, block, 0] - problem.start[0], blocks.means[step, block, 1] - problem.start[1]
             )
-            nearest = max(away - reach, 0.0)
-            if nearest >= problem.sensor.max_range_m:
-                continue
-            along, across, north, east = look_weights(problem.sensor, nearest, 0.0, 1.0, 0.0)
-            best = max(along, across) * (north * north + east * east)
-            add_information(tree.prediction, block_offset(problem, block), block < problem.n4, best, 0.0, best)
-        tree.rows[1] = tree.prediction
-        bounds[step] = log_determinant(tree.prediction, problem.n4, problem.n2)
+            nearest = max(away - step * problem.reach_m, 0.0)
+            if nearest < problem.sensor.max_range_m:
+                along, across, north, east = look_weights(problem.sensor, nearest, 0.0, 1.0, 0.0)
+                best = max(along, across) * (north * north + east * east)
+                add_information(scratch[1], block_offset(blocks, block), block < blocks.n4, best, 0.0, best)
+        bounds[step] = log_determinant(scratch[1], blocks.n4, blocks.n2)
+        for k in range(scratch.shape[1]):
+            scratch[0, k] = scratch[1, k]
     return bounds

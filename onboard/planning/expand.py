@@ -13,13 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.planning.blocks import FOUR, TWO, add_information, log_determinant, predict
-from onboard.planning.feasibility import arc_is_clear, is_far_from_all, keeps_separation, violation_m
-from onboard.planning.jit import kernel
-from onboard.planning.looks import is_seen, look_weights
-from onboard.planning.packing import PackedProblem
-from onboard.planning.tree import Tree
+from onboard.planning.feasibility import step_penalty_m
+from onboard.planning.jit import inlined_kernel, kernel
+from onboard.planning.looks import PackedSensor, is_seen, look_weights
+from onboard.planning.packing import PackedBlocks, PackedProblem
+from onboard.planning.tree import (
+    COST,
+    EAST,
+    EXPANDED,
+    GENERATED,
+    LOG_DET,
+    NODES,
+    NORTH,
+    PARENT,
+    PRIMITIVE,
+    ROW,
+    ROWS,
+    YAW,
+    Tree,
+)
 
-__all__ = ["PENALTY_PER_M", "block_offset", "expand", "open_node", "predict_row"]
+__all__ = ["PENALTY_PER_M", "block_offset", "expand", "look_from", "open_node", "predict_row"]
 
 PENALTY_PER_M = 1e5
 """What a metre of violation adds to J at each step, so that a robot outside its bounds goes back in first."""
@@ -27,55 +41,66 @@ PENALTY_PER_M = 1e5
 _LARGE = 1e100
 
 
-@kernel
-def block_offset(problem: PackedProblem, block: int) -> int:
+@inlined_kernel
+def block_offset(blocks: PackedBlocks, block: int) -> int:
     """Where a block begins in a packed row."""
-    return FOUR * block if block < problem.n4 else FOUR * problem.n4 + TWO * (block - problem.n4)
+    return FOUR * block if block < blocks.n4 else FOUR * blocks.n4 + TWO * (block - blocks.n4)
 
 
 @kernel
-def predict_row(problem: PackedProblem, tree: Tree, row: int, step: int) -> None:
-    """Write row ``row``, predicted to ``step`` and with the teammates' looks added, into ``tree.prediction``."""
-    predict(tree.rows, row, problem.process_noise, problem.step_s, problem.n4, problem.n2, tree.prediction)
-    if problem.team_looks[step] > 0:
-        for block in range(problem.n4 + problem.n2):
-            m11, m12, m22 = (
-                problem.team_information[step, block, 0],
-                problem.team_information[step, block, 1],
-                problem.team_information[step, block, 2],
-            )
+def predict_row(blocks: PackedBlocks, rows: NDArray[np.float64], row: int, step: int, out: NDArray[np.float64]) -> None:
+    """Write row ``row``, predicted to ``step`` and with the teammates' looks added, into ``out``, shape (L,)."""
+    predict(rows, row, blocks.process_noise, blocks.step_s, blocks.n4, blocks.n2, out)
+    if blocks.team_looks[step] > 0:
+        for block in range(blocks.n4 + blocks.n2):
+            m11 = blocks.team_information[step, block, 0]
+            m12 = blocks.team_information[step, block, 1]
+            m22 = blocks.team_information[step, block, 2]
             if m11 + m22 > 0.0:
-                add_information(tree.prediction, block_offset(problem, block), block < problem.n4, m11, m12, m22)
+                add_information(out, block_offset(blocks, block), block < blocks.n4, m11, m12, m22)
 
 
 @kernel
-def _find_near(problem: PackedProblem, tree: Tree, step: int, north: float, east: float) -> int:
-    """List the blocks within reach of any child: relative mean position, P, det P and trace P of each."""
-    reach = problem.sensor.max_range_m + problem.reach_m
-    near = tree.near
+def look_from(
+    blocks: PackedBlocks, sensor: PackedSensor, step: int, north: float, east: float, yaw: float,
+    packed: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Add to a predicted row, shape (L,), what the robot sees from a pose at ``step``."""
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    for block in range(blocks.n4 + blocks.n2):
+        dn, de = blocks.means[step, block, 0] - north, blocks.means[step, block, 1] - east
+        if is_seen(sensor, dn, de, cosine, sine):
+            along, across, n, e = look_weights(sensor, dn, de, cosine, sine)
+            add_information(
+                packed, block_offset(blocks, block), block < blocks.n4,
+                along * n * n + across * e * e, (along - across) * n * e, along * e * e + across * n * n,
+            )  # fmt: skip
+
+
+@inlined_kernel
+def _find_near(
+    blocks: PackedBlocks, prediction: NDArray[np.float64], step: int, north: float, east: float, reach: float,
+    near: NDArray[np.float64],
+) -> int:  # fmt: skip
+    """List the blocks that any child may see."""
     count = 0
-    for block in range(problem.n4 + problem.n2):
-        dn = problem.means[step, block, 0] - north
-        de = problem.means[step, block, 1] - east
+    for block in range(blocks.n4 + blocks.n2):
+        dn, de = blocks.means[step, block, 0] - north, blocks.means[step, block, 1] - east
         if dn * dn + de * de < reach * reach:
-            k = block_offset(problem, block)
-            p11, p12, p22 = tree.prediction[k], tree.prediction[k + 1], tree.prediction[k + 2]
-            near[count, 0] = dn
-            near[count, 1] = de
-            near[count, 2] = p11
-            near[count, 3] = p12
-            near[count, 4] = p22
+            k = block_offset(blocks, block)
+            p11, p12, p22 = prediction[k], prediction[k + 1], prediction[k + 2]
+            near[count, 0], near[count, 1] = dn, de
+            near[count, 2], near[count, 3], near[count, 4] = p11, p12, p22
             near[count, 5] = p11 * p22 - p12 * p12
             count += 1
     return count
 
 
 @kernel
-def _log_information_gain(
-    problem: PackedProblem, near: NDArray[np.float64], count: int, dn: float, de: float, cosine: float, sine: float
+def _log_gain(
+    sensor: PackedSensor, near: NDArray[np.float64], count: int, dn: float, de: float, cosine: float, sine: float
 ) -> float:
     """``Σ log det(I + P·M)`` of one child, displaced by (dn, de) m from its parent."""
-    sensor = problem.sensor
     total, product = 0.0, 1.0
     for index in range(count):
         north, east = near[index, 0] - dn, near[index, 1] - de
@@ -106,62 +131,49 @@ def expand(problem: PackedProblem, tree: Tree, row: int, step: int) -> None:
         row: The node's row.
         step: The successors' step, 1..T.
     """
+    nodes, links, motions = tree.nodes, tree.links, problem.motions
+    prediction, near = tree.scratch.prediction, tree.scratch.near
     node = tree.row_nodes[row]
-    north, east, yaw = tree.nodes[node, 0], tree.nodes[node, 1], tree.nodes[node, 2]
+    north, east, yaw, cost_so_far = nodes[node, NORTH], nodes[node, EAST], nodes[node, YAW], nodes[node, COST]
     cosine, sine = math.cos(yaw), math.sin(yaw)
-    predict_row(problem, tree, row, step)
-    base = tree.nodes[node, 3] + log_determinant(tree.prediction, problem.n4, problem.n2)
-    count = _find_near(problem, tree, step, north, east)
-    bounds = problem.bounds
-    check, before = False, 0.0
-    if bounds.constrained:
-        check = not is_far_from_all(bounds, north, east)
-        if check:
-            before = violation_m(bounds, north, east, cosine, sine)
-    generated = 0
-    end = tree.counters[0]
-    for primitive in range(problem.motions.shape[0]):
-        ahead, right = problem.motions[primitive, 0], problem.motions[primitive, 1]
-        dn, de = cosine * ahead - sine * right, sine * ahead + cosine * right
-        turn_cosine, turn_sine = problem.motions[primitive, 3], problem.motions[primitive, 4]
-        child_cosine = cosine * turn_cosine - sine * turn_sine
-        child_sine = sine * turn_cosine + cosine * turn_sine
+    predict_row(problem.blocks, tree.rows, row, step, prediction)
+    predicted = log_determinant(prediction, problem.blocks.n4, problem.blocks.n2)
+    reach = problem.sensor.max_range_m + problem.reach_m
+    count = _find_near(problem.blocks, prediction, step, north, east, reach, near)
+    generated, end = 0, tree.counters[NODES]
+    for primitive in range(motions.shape[0]):
+        dn = cosine * motions[primitive, 0] - sine * motions[primitive, 1]
+        de = sine * motions[primitive, 0] + cosine * motions[primitive, 1]
         penalty = 0.0
-        if bounds.constrained:
-            if not keeps_separation(bounds, step, north + dn, east + de):
+        if problem.bounds.constrained:
+            penalty = step_penalty_m(
+                problem.bounds, step, north, east, cosine, sine, dn, de,
+                motions[primitive, 3], motions[primitive, 4], motions[primitive, 5], motions[primitive, 6],
+            )  # fmt: skip
+            if penalty == math.inf:
                 continue
-            if check:
-                after = violation_m(bounds, north + dn, east + de, child_cosine, child_sine)
-                if after > before + 1e-9:
-                    continue
-                if before == 0.0 and not arc_is_clear(
-                    bounds, north, east, cosine, sine,
-                    problem.motions[primitive, 5], problem.motions[primitive, 6], problem.step_s,
-                ):  # fmt: skip
-                    continue
-                penalty = PENALTY_PER_M * after
-        cost = base + penalty - _log_information_gain(problem, tree.near, count, dn, de, child_cosine, child_sine)
+        gain = 0.0
+        if count > 0:
+            child_cosine = cosine * motions[primitive, 3] - sine * motions[primitive, 4]
+            child_sine = sine * motions[primitive, 3] + cosine * motions[primitive, 4]
+            gain = _log_gain(problem.sensor, near, count, dn, de, child_cosine, child_sine)
+        cost = cost_so_far + (predicted - gain) + PENALTY_PER_M * penalty
         generated += 1
         if step == problem.horizon:
             if cost < tree.best[0]:
                 tree.best[0] = cost
-                tree.best_link[0] = row
-                tree.best_link[1] = primitive
+                tree.best_link[0], tree.best_link[1] = row, primitive
             continue
-        child_yaw = yaw + problem.motions[primitive, 2]
+        child_yaw = yaw + motions[primitive, 2]
         if child_yaw > math.pi or child_yaw <= -math.pi:
             child_yaw -= 2.0 * math.pi * math.ceil((child_yaw - math.pi) / (2.0 * math.pi))
-        tree.nodes[end, 0] = north + dn
-        tree.nodes[end, 1] = east + de
-        tree.nodes[end, 2] = child_yaw
-        tree.nodes[end, 3] = cost
-        tree.links[end, 0] = row
-        tree.links[end, 1] = primitive
-        tree.links[end, 2] = -1
+        nodes[end, NORTH], nodes[end, EAST], nodes[end, YAW] = north + dn, east + de, child_yaw
+        nodes[end, COST], nodes[end, LOG_DET] = cost, predicted - gain
+        links[end, PARENT], links[end, PRIMITIVE], links[end, ROW] = row, primitive, -1
         end += 1
-    tree.counters[0] = end
-    tree.counters[2] += generated
-    tree.counters[3] += 1
+    tree.counters[NODES] = end
+    tree.counters[GENERATED] += generated
+    tree.counters[EXPANDED] += 1
 
 
 @kernel
@@ -171,18 +183,13 @@ def open_node(problem: PackedProblem, tree: Tree, node: int, step: int) -> int:
     Returns:
         The row.
     """
-    predict_row(problem, tree, tree.links[node, 0], step)
-    cosine, sine = math.cos(tree.nodes[node, 2]), math.sin(tree.nodes[node, 2])
-    for block in range(problem.n4 + problem.n2):
-        north = problem.means[step, block, 0] - tree.nodes[node, 0]
-        east = problem.means[step, block, 1] - tree.nodes[node, 1]
-        if is_seen(problem.sensor, north, east, cosine, sine):
-            along, across, n, e = look_weights(problem.sensor, north, east, cosine, sine)
-            add_information(
-                tree.prediction, block_offset(problem, block), block < problem.n4,
-                along * n * n + across * e * e, (along - across) * n * e, along * e * e + across * n * n,
-            )  # fmt: skip
-    row = tree.counters[1]
-    for k in range(tree.prediction.shape[0]):
-        tree.rows[row, k] = tree.prediction[k]
+    prediction = tree.scratch.prediction
+    predict_row(problem.blocks, tree.rows, np.int64(tree.links[node, PARENT]), step, prediction)
+    look_from(
+        problem.blocks, problem.sensor, step,
+        tree.nodes[node, NORTH], tree.nodes[node, EAST], tree.nodes[node, YAW], prediction,
+    )  # fmt: skip
+    row = tree.counters[ROWS]
+    for k in range(prediction.shape[0]):
+        tree.rows[row, k] = prediction[k]
     return row

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.planning.jit import kernel
+from onboard.planning.jit import inlined_kernel, kernel
 from onboard.planning.problem import Problem
 
-__all__ = ["PackedBounds", "arc_is_clear", "keeps_separation", "pack_bounds", "violation_m"]
+__all__ = ["PackedBounds", "pack_bounds", "step_penalty_m", "violation_m"]
 
 _TOLERANCE_M = 1e-9
 _NO_CIRCLE = -1.0
@@ -42,6 +42,7 @@ class PackedBounds(NamedTuple):
         teammates: (N, T, 2) positions, north m, east m, of those to keep clear of.
         separations_m: (N,) how clear, m.
         reach_m: How far the robot can get from a pose in one step and the circle after it, m.
+        step_s: τ, s.
     """
 
     constrained: bool
@@ -56,6 +57,7 @@ class PackedBounds(NamedTuple):
     teammates: NDArray[np.float64]
     separations_m: NDArray[np.float64]
     reach_m: float
+    step_s: float
 
 
 def pack_bounds(problem: Problem) -> PackedBounds:
@@ -87,6 +89,7 @@ def pack_bounds(problem: Problem) -> PackedBounds:
         teammates=np.array([teammate.poses[:, :2] for teammate in apart]).reshape(-1, problem.horizon, 2),
         separations_m=np.array([teammate.separation_m for teammate in apart], dtype=np.float64),
         reach_m=arc_m + 2.0 * max(right_m, left_m, 0.0),
+        step_s=float(problem.step_s),
     )
 
 
@@ -173,8 +176,8 @@ def violation_m(bounds: PackedBounds, north: float, east: float, cosine: float, 
     return violation
 
 
-@kernel
-def is_far_from_all(bounds: PackedBounds, north: float, east: float) -> bool:
+@inlined_kernel
+def _is_far_from_all(bounds: PackedBounds, north: float, east: float) -> bool:
     """Whether nothing static is within one step's reach, so that no child needs to be looked at."""
     if bounds.fence.shape[0] > 0 and _clearance_m(bounds.fence, north, east) <= bounds.reach_m:
         return False
@@ -189,7 +192,7 @@ def is_far_from_all(bounds: PackedBounds, north: float, east: float) -> bool:
     return (bounds.clear_cells[int(row), int(column)] - 1) * bounds.cell_m > bounds.reach_m
 
 
-@kernel
+@inlined_kernel
 def _crosses_fence(
     fence: NDArray[np.float64], north: float, east: float, cosine: float, sine: float,
     speed: float, yaw_rate: float, duration_s: float,
@@ -240,7 +243,7 @@ def _crosses_fence(
     return False
 
 
-@kernel
+@inlined_kernel
 def _crosses_obstacle(
     bounds: PackedBounds, north: float, east: float, cosine: float, sine: float,
     speed: float, yaw_rate: float, duration_s: float,
@@ -257,8 +260,8 @@ def _crosses_obstacle(
     return False
 
 
-@kernel
-def arc_is_clear(
+@inlined_kernel
+def _arc_is_clear(
     bounds: PackedBounds, north: float, east: float, cosine: float, sine: float,
     speed: float, yaw_rate: float, duration_s: float,
 ) -> bool:  # fmt: skip
@@ -274,7 +277,7 @@ def arc_is_clear(
 
 
 @kernel
-def keeps_separation(bounds: PackedBounds, step: int, north: float, east: float) -> bool:
+def _keeps_separation(bounds: PackedBounds, step: int, north: float, east: float) -> bool:
     """Whether a position at step 1..T keeps clear of all teammates' planned positions at that step."""
     for mate in range(bounds.separations_m.shape[0]):
         dn = bounds.teammates[mate, step - 1, 0] - north
@@ -282,3 +285,40 @@ def keeps_separation(bounds: PackedBounds, step: int, north: float, east: float)
         if dn * dn + de * de < bounds.separations_m[mate] * bounds.separations_m[mate]:
             return False
     return True
+
+
+@kernel
+def step_penalty_m(
+    bounds: PackedBounds, step: int, north: float, east: float, cosine: float, sine: float, dn: float, de: float,
+    turn_cosine: float, turn_sine: float, speed: float, yaw_rate: float,
+) -> float:  # fmt: skip
+    """Judge one step of a robot: the violation of the pose it leads to (m), ∞ if it must not be made.
+
+    Args:
+        bounds: The bounds.
+        step: Which step, 1..T.
+        north: Of the pose before, m.
+        east: Of the pose before, m.
+        cosine: Of the yaw before.
+        sine: Of the yaw before.
+        dn: Displacement to the north, m.
+        de: Displacement to the east, m.
+        turn_cosine: Of the change of yaw.
+        turn_sine: Of the change of yaw.
+        speed: ν, m/s.
+        yaw_rate: ω, rad/s.
+    """
+    if not _keeps_separation(bounds, step, north + dn, east + de):
+        return np.inf
+    if _is_far_from_all(bounds, north, east):
+        return 0.0
+    before = violation_m(bounds, north, east, cosine, sine)
+    after = violation_m(
+        bounds, north + dn, east + de,
+        cosine * turn_cosine - sine * turn_sine, sine * turn_cosine + cosine * turn_sine,
+    )  # fmt: skip
+    if after > before + _TOLERANCE_M:
+        return np.inf
+    if before == 0.0 and not _arc_is_clear(bounds, north, east, cosine, sine, speed, yaw_rate, bounds.step_s):
+        return np.inf
+    return after

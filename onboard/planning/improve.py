@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from onboard.planning.clock import now_s
 from onboard.planning.crossing import (
+    Grid,
+    cell,
     cell_key,
-    cell_side_m,
     crosses,
     find_slot,
+    grid_for,
     insert_row,
+    quota_key,
     table_mask,
     yaw_cell,
-    yaw_cells,
 )
 from onboard.planning.expand import expand, open_node
-from onboard.planning.jit import kernel
-from onboard.planning.ordering import OUT_OF_TIME, next_in_order, start_order
+from onboard.planning.jit import inlined_kernel, kernel
+from onboard.planning.ordering import next_in_order, start_order
 from onboard.planning.packing import PackedProblem
 from onboard.planning.redundancy import exceeds
-from onboard.planning.tree import Tree
+from onboard.planning.tree import COST, EAST, GENERATED, LOG_DET, NODES, NORTH, ROW, ROWS, STAMP, YAW, Tree
 
 __all__ = ["BOUND", "COMPLETE", "STOPPED", "UNLIMITED", "Limits", "Pass", "improve_path"]
 
@@ -35,9 +36,8 @@ BOUND = 1
 STOPPED = 2
 """It ran out of time, of nodes, or of memory."""
 
-_QUOTA_CELL_M = 0.5
-_QUOTA_YAW_CELLS = 18
 _CLOCK_EVERY = 16
+_OUTLOOK = 0.5
 
 
 class Limits(NamedTuple):
@@ -61,7 +61,7 @@ class Pass(NamedTuple):
         epsilon: ε.
         delta: δ, m.
         width: W, or UNLIMITED.
-        quota: Nodes kept open in a coarse cell (0.5 m × 20°) when W is limited, so that a level stays diverse.
+        quota: Nodes kept in a coarse cell (0.5 m × 20°) when W is limited, so that a level stays diverse.
         yaw_weight: ℓ of the δ-crossing metric, m/rad.
     """
 
@@ -75,95 +75,89 @@ class Pass(NamedTuple):
 
 
 @kernel
-def improve_path(problem: PackedProblem, tree: Tree, step_pass: Pass, limits: Limits) -> int:
+def improve_path(problem: PackedProblem, tree: Tree, parameters: Pass, limits: Limits) -> int:
     """Expand what is open and not closed, level by level, and open what (ε, δ, W) asks for.
 
     Returns:
         COMPLETE, BOUND or STOPPED.
     """
-    number = step_pass.number
+    number = parameters.number
     outcome = COMPLETE
     for step in range(1, problem.horizon + 1):
-        tree.node_runs[number, step, 0] = tree.counters[0]
-        stopped = _expand_run(problem, tree, number, step, limits)
-        tree.node_runs[number, step, 1] = tree.counters[0]
-        if stopped:
+        tree.node_runs[number, step, 0] = tree.counters[NODES]
+        finished = _expand_run(problem, tree, number, step, limits)
+        tree.node_runs[number, step, 1] = tree.counters[NODES]
+        if not finished:
             return STOPPED
         if step == problem.horizon:
             break
-        tree.row_runs[number, step, 0] = tree.counters[1]
-        selected = _open_level(problem, tree, step_pass, step, limits.deadline_s)
-        tree.row_runs[number, step, 1] = tree.counters[1]
-        if selected == STOPPED:
+        tree.row_runs[number, step, 0] = tree.counters[ROWS]
+        opened = _open_level(problem, tree, parameters, step, limits.deadline_s)
+        tree.row_runs[number, step, 1] = tree.counters[ROWS]
+        if opened == STOPPED:
             return STOPPED
-        if selected == BOUND:
+        if opened == BOUND:
             outcome = BOUND
     return outcome
 
 
-@kernel
+@inlined_kernel
 def _expand_run(problem: PackedProblem, tree: Tree, number: int, step: int, limits: Limits) -> bool:
-    """Expand the rows that this pass opened at the level before ``step``; True if a limit was reached first."""
+    """Expand the rows that this pass opened at the level before ``step``; False if a limit was reached first."""
     primitives = problem.motions.shape[0]
-    begin, end = tree.row_runs[number, step - 1, 0], tree.row_runs[number, step - 1, 1]
-    for row in range(begin, end):
-        if tree.counters[2] + primitives > limits.nodes or tree.counters[0] + primitives > tree.nodes.shape[0]:
-            return True
-        if row % _CLOCK_EVERY == 0 and now_s(tree.timespec) > limits.deadline_s:
-            return True
+    for row in range(tree.row_runs[number, step - 1, 0], tree.row_runs[number, step - 1, 1]):
+        if tree.counters[GENERATED] + primitives > limits.nodes or tree.counters[NODES] + primitives > len(tree.nodes):
+            return False
+        if row % _CLOCK_EVERY == 0 and now_s(tree.order.timespec) > limits.deadline_s:
+            return False
         expand(problem, tree, row, step)
-    return False
+    return True
 
 
-@kernel
-def _gather_level(tree: Tree, number: int, step: int) -> int:
-    """List S_t with the costs as keys; returns how many there are."""
+@inlined_kernel
+def _gather_level(tree: Tree, number: int, step: int, outlook: float) -> int:
+    """List S_t in ``tree.order``; returns how many there are.
+
+    The key is J, or where W limits the level ``J + outlook·log det Σ``: of two nodes with equal J the one that knows
+    more now has the better prospects.
+    """
     count = 0
     for earlier in range(number + 1):
         for node in range(tree.node_runs[earlier, step, 0], tree.node_runs[earlier, step, 1]):
-            tree.order[count] = node
-            tree.order_keys[count] = tree.nodes[node, 3]
+            tree.order.nodes[count] = node
+            tree.order.keys[count] = tree.nodes[node, COST] + outlook * tree.nodes[node, LOG_DET]
             count += 1
     return count
 
 
 @kernel
-def _enter_open_rows(
-    problem: PackedProblem, tree: Tree, step_pass: Pass, step: int, side_m: float, yaws: int, mask: int, stamp: int
-) -> None:
-    for earlier in range(step_pass.number):
-        for row in range(tree.row_runs[earlier, step, 0], tree.row_runs[earlier, step, 1]):
-            insert_row(tree, row, problem.start, side_m, yaws, mask, stamp)
-
-
-@kernel
-def _is_redundant(
-    problem: PackedProblem, tree: Tree, step_pass: Pass, node: int, row: int,
-    side_m: float, yaws: int, mask: int, stamp: int,
-) -> bool:  # fmt: skip
-    """Whether a node (its covariance in ``row``) is (ε, δ)-redundant with respect to the open ones that cost no more."""
-    keys, slots = tree.crossing_keys, tree.crossing_slots
-    around = 0 if math.isinf(side_m) else 1
-    north = 0 if around == 0 else math.floor((tree.nodes[node, 0] - problem.start[0]) / side_m)
-    east = 0 if around == 0 else math.floor((tree.nodes[node, 1] - problem.start[1]) / side_m)
-    yaw = yaw_cell(tree.nodes[node, 2], yaws)
-    first_turn, last_turn = -1, 1
-    if yaws < 3:
-        first_turn, last_turn = 0, yaws - 1
-    for turn in range(first_turn, last_turn + 1):
-        near_yaw = (yaw + turn) % yaws
-        for up in range(-around, around + 1):
-            for right in range(-around, around + 1):
-                slot = find_slot(keys, slots, mask, stamp, cell_key(north + up, east + right, near_yaw))
-                if slots[slot, 0] != stamp:
+def _is_redundant(problem: PackedProblem, tree: Tree, grid: Grid, node: int, row: int, epsilon: float) -> bool:
+    """Whether a node (covariance in ``row``) is (ε, δ)-redundant with respect to the open ones that cost no more."""
+    nodes, slots = tree.nodes, tree.crossing.slots
+    north, east, yaw, cost = nodes[node, NORTH], nodes[node, EAST], nodes[node, YAW], nodes[node, COST]
+    first_yaw, last_yaw = 0, 0
+    if grid.yaws > 1:
+        turn = grid.delta / grid.yaw_weight
+        first_yaw, last_yaw = yaw_cell(yaw - turn, grid.yaws), yaw_cell(yaw + turn, grid.yaws)
+    for yaw_number in range(first_yaw, min(last_yaw, first_yaw + grid.yaws - 1) + 1):
+        for up in range(
+            cell(north - grid.north_m - grid.delta, grid.side_m),
+            cell(north - grid.north_m + grid.delta, grid.side_m) + 1,
+        ):
+            for right in range(
+                cell(east - grid.east_m - grid.delta, grid.side_m),
+                cell(east - grid.east_m + grid.delta, grid.side_m) + 1,
+            ):
+                slot = find_slot(tree.crossing, grid.mask, grid.stamp, cell_key(up, right, yaw_number % grid.yaws))
+                if slots[slot, 0] != grid.stamp:
                     continue
                 other_row = slots[slot, 1]
                 while other_row >= 0:
                     other = tree.row_nodes[other_row]
                     if (
-                        tree.nodes[other, 3] <= tree.nodes[node, 3]
-                        and crosses(tree, node, other, step_pass.delta, step_pass.yaw_weight)
-                        and exceeds(tree.rows, row, other_row, step_pass.epsilon, problem.n4, problem.n2)
+                        nodes[other, COST] <= cost
+                        and crosses(nodes, node, other, grid.delta, grid.yaw_weight)
+                        and exceeds(tree.rows, row, other_row, epsilon, problem.blocks.n4, problem.blocks.n2)
                     ):
                         return True
                     other_row = tree.next_in_cell[other_row]
@@ -171,67 +165,56 @@ def _is_redundant(
 
 
 @kernel
-def _quota_key(problem: PackedProblem, tree: Tree, node: int) -> int:
-    return cell_key(
-        math.floor((tree.nodes[node, 0] - problem.start[0]) / _QUOTA_CELL_M),
-        math.floor((tree.nodes[node, 1] - problem.start[1]) / _QUOTA_CELL_M),
-        yaw_cell(tree.nodes[node, 2], _QUOTA_YAW_CELLS),
+def _open_level(problem: PackedProblem, tree: Tree, parameters: Pass, step: int, deadline_s: float) -> int:
+    """Lines 8–14 of Algorithm 2 for one level: open its best node and all that are not redundant, best first."""
+    number, width = parameters.number, parameters.width
+    limited = width < UNLIMITED
+    count = _gather_level(tree, number, step, _OUTLOOK * (problem.horizon - step) if limited else 0.0)
+    tree.counters[STAMP] += 1
+    stamp = tree.counters[STAMP]
+    candidates = min(count, width)
+    for earlier in range(number):
+        candidates += tree.row_runs[earlier, step, 1] - tree.row_runs[earlier, step, 0]
+    grid = grid_for(
+        problem.start, parameters.delta, parameters.yaw_weight, table_mask(candidates, tree.crossing), stamp
     )
-
-
-@kernel
-def _open_level(problem: PackedProblem, tree: Tree, step_pass: Pass, step: int, deadline_s: float) -> int:
-    """Lines 8–14 of Algorithm 2 for one level: open its best node and all that are not redundant, cheapest first."""
-    count = _gather_level(tree, step_pass.number, step)
-    if count == 0:
-        return COMPLETE
-    limited = step_pass.width < UNLIMITED
-    stamp = tree.counters[4] + 1
-    tree.counters[4] = stamp
-    side_m = cell_side_m(step_pass.delta)
-    yaws = yaw_cells(side_m, step_pass.yaw_weight)
-    capacity = tree.crossing_keys.shape[0]
-    already_open = 0
-    for earlier in range(step_pass.number):
-        already_open += tree.row_runs[earlier, step, 1] - tree.row_runs[earlier, step, 0]
-    mask = table_mask(already_open + min(count, step_pass.width), capacity)
-    quota_mask = table_mask(2 * min(count, step_pass.width), capacity)
-    if step_pass.prune:
-        _enter_open_rows(problem, tree, step_pass, step, side_m, yaws, mask, stamp)
+    if parameters.prune:
+        for earlier in range(number):
+            for row in range(tree.row_runs[earlier, step, 0], tree.row_runs[earlier, step, 1]):
+                insert_row(tree, grid, row)
     outcome, kept = COMPLETE, 0
-    depth = start_order(tree, count)
+    start_order(tree.order, count)
     for position in range(count):
-        if kept >= step_pass.width:
+        if kept >= width:
             return BOUND
-        if position % _CLOCK_EVERY == 0 and now_s(tree.timespec) > deadline_s:
+        if position % _CLOCK_EVERY == 0 and now_s(tree.order.timespec) > deadline_s:
             return STOPPED
-        depth = next_in_order(tree, position, depth, deadline_s)
-        if depth == OUT_OF_TIME:
+        node = next_in_order(tree.order, position, deadline_s)
+        if node < 0:
             return STOPPED
-        node = tree.order[position]
         slot, key, in_cell = 0, 0, 0
         if limited:
-            key = _quota_key(problem, tree, node)
-            slot = find_slot(tree.quota_keys, tree.quota_slots, quota_mask, stamp, key)
-            if tree.quota_slots[slot, 0] == stamp:
-                in_cell = tree.quota_slots[slot, 1]
-            if in_cell >= step_pass.quota:
+            key = quota_key(grid, tree.nodes, node)
+            slot = find_slot(tree.quota, grid.mask, stamp, key)
+            if tree.quota.slots[slot, 0] == stamp:
+                in_cell = tree.quota.slots[slot, 1]
+            if in_cell >= parameters.quota:
                 outcome = BOUND
                 continue
-        if tree.links[node, 2] < 0:
-            if tree.counters[1] >= tree.rows.shape[0]:
+        if tree.links[node, ROW] < 0:
+            if tree.counters[ROWS] >= len(tree.rows):
                 return STOPPED
             row = open_node(problem, tree, node, step)
-            if step_pass.prune and _is_redundant(problem, tree, step_pass, node, row, side_m, yaws, mask, stamp):
+            if parameters.prune and _is_redundant(problem, tree, grid, node, row, parameters.epsilon):
                 continue
-            tree.links[node, 2] = row
+            tree.links[node, ROW] = row
             tree.row_nodes[row] = node
-            tree.counters[1] = row + 1
-            if step_pass.prune:
-                insert_row(tree, row, problem.start, side_m, yaws, mask, stamp)
+            tree.counters[ROWS] = row + 1
+            if parameters.prune:
+                insert_row(tree, grid, row)
         kept += 1
         if limited:
-            tree.quota_keys[slot] = key
-            tree.quota_slots[slot, 0] = stamp
-            tree.quota_slots[slot, 1] = in_cell + 1
+            tree.quota.keys[slot] = key
+            tree.quota.slots[slot, 0] = stamp
+            tree.quota.slots[slot, 1] = in_cell + 1
     return outcome

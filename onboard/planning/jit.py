@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 
-__all__ = ["kernel", "source_digest"]
+__all__ = ["entry_kernel", "inlined_kernel", "kernel", "source_digest"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -31,6 +31,11 @@ def kernel(function: Function) -> Function:
     No fast-math: IEEE arithmetic in the written order gives the same plan on every machine.
     """
     return cast(Function, njit(nogil=True, error_model="numpy")(function))
+
+
+def inlined_kernel(function: Function) -> Function:
+    """A kernel that becomes part of its caller: it is compiled once and not also by itself."""
+    return cast(Function, njit(nogil=True, error_model="numpy", inline="always")(function))
 
 
 def entry_kernel(function: Function) -> Function:

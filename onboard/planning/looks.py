@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from onboard.estimation.sensor import RangeBearingSensor
-from onboard.planning.jit import kernel
+from onboard.planning.jit import inlined_kernel
 
 __all__ = ["PackedSensor", "is_seen", "look_weights", "pack_sensor"]
 
@@ -45,7 +45,7 @@ def pack_sensor(sensor: RangeBearingSensor) -> PackedSensor:
     )
 
 
-@kernel
+@inlined_kernel
 def is_seen(sensor: PackedSensor, north: float, east: float, cosine: float, sine: float) -> bool:
     """Whether a point is seen: ``r < r_sense`` and ``|α| < φ/2``, without an angle.
 
@@ -67,7 +67,7 @@ def is_seen(sensor: PackedSensor, north: float, east: float, cosine: float, sine
     return ahead * abs(ahead) > sensor.signed_cosine_squared * squared
 
 
-@kernel
+@inlined_kernel
 def look_weights(
     sensor: PackedSensor, north: float, east: float, cosine: float, sine: float
 ) -> tuple[float, float, float, float]:

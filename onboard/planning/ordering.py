@@ -1,7 +1,7 @@
-"""A level in ascending order of cost, as far as it is asked for: incremental quicksort.
+"""A level in ascending order, as far as it is asked for: incremental quicksort.
 
-A pass that keeps W of N nodes needs the order of the first few only. Pivots found on the way to the smallest element are
-kept on a stack and serve the next ones, so that the first W take O(N + W log W). (R. Paredes, G. Navarro: Optimal
+A pass that keeps W of N nodes needs the order of the first few only. Pivots found on the way to the smallest element
+are kept on a stack and serve the next ones, so that the first W take O(N + W log W). (R. Paredes, G. Navarro: Optimal
 Incremental Sorting, ALENEX 2006.)
 """
 
@@ -11,30 +11,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.planning.clock import now_s
-from onboard.planning.jit import kernel
-from onboard.planning.tree import Tree
+from onboard.planning.jit import inlined_kernel, kernel
+from onboard.planning.tree import Order
 
-__all__ = ["OUT_OF_TIME", "next_in_order", "start_order"]
+__all__ = ["next_in_order", "start_order"]
 
-OUT_OF_TIME = -1
 _CHECK_EVERY = 8192
 _SMALL_RUN = 12
+_DEPTH = 127  # where the stack's depth is kept
 
 
-@kernel
-def start_order(tree: Tree, count: int) -> int:
-    """Prepare to draw ``count`` nodes from ``tree.order`` by ``tree.order_keys``; returns the depth of the stack."""
-    tree.pivots[0] = count
-    return 1
+@inlined_kernel
+def start_order(order: Order, count: int) -> None:
+    """Prepare to draw the first ``count`` nodes of ``order`` by their keys."""
+    order.pivots[0] = count
+    order.pivots[_DEPTH] = 1
 
 
-@kernel
+@inlined_kernel
 def _before(key: float, node: int, other_key: float, other_node: int) -> bool:
     """A total order: by key, then by age, so that equal keys are no worst case and plans are repeatable."""
     return key < other_key or (key == other_key and node < other_node)
 
 
-@kernel
+@inlined_kernel
 def _sort_run(keys: NDArray[np.float64], nodes: NDArray[np.int32], begin: int, end: int) -> None:
     for i in range(begin + 1, end):
         key, node = keys[i], nodes[i]
@@ -45,25 +45,26 @@ def _sort_run(keys: NDArray[np.float64], nodes: NDArray[np.int32], begin: int, e
         keys[j], nodes[j] = key, node
 
 
+@inlined_kernel
+def _order_pair(keys: NDArray[np.float64], nodes: NDArray[np.int32], first: int, second: int) -> None:
+    if _before(keys[second], nodes[second], keys[first], nodes[first]):
+        keys[second], keys[first] = keys[first], keys[second]
+        nodes[second], nodes[first] = nodes[first], nodes[second]
+
+
 @kernel
-def _partition(tree: Tree, begin: int, end: int, deadline_s: float) -> int:
-    """Split a run at the median of three; returns where the pivot came to be."""
-    keys, nodes = tree.order_keys, tree.order
+def _partition(order: Order, begin: int, end: int, deadline_s: float) -> int:
+    """Split a run at the median of three; returns where the pivot came to be, −1 when out of time."""
+    keys, nodes = order.keys, order.nodes
     last, middle = end - 1, begin + (end - begin) // 2
-    if _before(keys[middle], nodes[middle], keys[begin], nodes[begin]):
-        keys[middle], keys[begin] = keys[begin], keys[middle]
-        nodes[middle], nodes[begin] = nodes[begin], nodes[middle]
-    if _before(keys[last], nodes[last], keys[begin], nodes[begin]):
-        keys[last], keys[begin] = keys[begin], keys[last]
-        nodes[last], nodes[begin] = nodes[begin], nodes[last]
-    if _before(keys[middle], nodes[middle], keys[last], nodes[last]):
-        keys[middle], keys[last] = keys[last], keys[middle]
-        nodes[middle], nodes[last] = nodes[last], nodes[middle]
+    _order_pair(keys, nodes, begin, middle)
+    _order_pair(keys, nodes, begin, last)
+    _order_pair(keys, nodes, last, middle)
     key, node = keys[last], nodes[last]
     store = begin
     for i in range(begin, last):
-        if (i - begin) % _CHECK_EVERY == _CHECK_EVERY - 1 and now_s(tree.timespec) > deadline_s:
-            return OUT_OF_TIME
+        if (i - begin) % _CHECK_EVERY == _CHECK_EVERY - 1 and now_s(order.timespec) > deadline_s:
+            return -1
         if _before(keys[i], nodes[i], key, node):
             keys[i], keys[store] = keys[store], keys[i]
             nodes[i], nodes[store] = nodes[store], nodes[i]
@@ -74,28 +75,26 @@ def _partition(tree: Tree, begin: int, end: int, deadline_s: float) -> int:
 
 
 @kernel
-def next_in_order(tree: Tree, position: int, depth: int, deadline_s: float) -> int:
-    """Bring the node that belongs at ``position`` there; all positions before it must have been drawn.
-
-    Returns:
-        The new depth of the stack, or ``OUT_OF_TIME``.
-    """
-    pivots = tree.pivots
+def next_in_order(order: Order, position: int, deadline_s: float) -> int:
+    """The node that belongs at ``position``; all positions before it must have been drawn. −1 when out of time."""
+    pivots = order.pivots
+    depth = pivots[_DEPTH]
     while pivots[depth - 1] != position:
-        if depth + _SMALL_RUN >= pivots.shape[0]:  # forget the largest pivot; it will be found again
+        if depth + _SMALL_RUN >= _DEPTH:  # forget the largest pivot; it will be found again
             for index in range(1, depth - 1):
                 pivots[index] = pivots[index + 1]
             depth -= 1
         end = pivots[depth - 1]
         if end - position <= _SMALL_RUN:
-            _sort_run(tree.order_keys, tree.order, position, end)
+            _sort_run(order.keys, order.nodes, position, end)
             for pivot in range(end - 1, position - 1, -1):
                 pivots[depth] = pivot
                 depth += 1
         else:
-            pivot = _partition(tree, position, end, deadline_s)
-            if pivot == OUT_OF_TIME:
-                return OUT_OF_TIME
+            pivot = _partition(order, position, end, deadline_s)
+            if pivot < 0:
+                return -1
             pivots[depth] = pivot
             depth += 1
-    return depth - 1
+    pivots[_DEPTH] = depth - 1
+    return int(order.nodes[position])

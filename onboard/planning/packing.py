@@ -16,43 +16,53 @@ from onboard.planning.looks import PackedSensor, is_seen, look_weights, pack_sen
 from onboard.planning.primitives import sinc
 from onboard.planning.problem import Block, Problem
 
-__all__ = ["PackedProblem", "pack_problem"]
+__all__ = ["PackedBlocks", "PackedProblem", "pack_problem"]
 
 
-class PackedProblem(NamedTuple):
-    """One planning problem, blocks ordered with the four-state ones first.
+class PackedBlocks(NamedTuple):
+    """Targets and landmarks, the four-state ones first.
 
     Attributes:
-        start: (3,) north m, east m, yaw rad.
-        step_s: τ, s.
-        horizon: T.
-        motions: (U, 7) per primitive: displacement ahead and to the right in the body frame at the step's start (m),
-            turn (rad), its cosine and sine, speed (m/s), yaw rate (rad/s).
-        reach_m: The longest displacement in a step, m.
-        sensor: The sensor.
         n4: Number of four-state blocks.
         n2: Number of two-state blocks.
+        step_s: τ, s.
         prior: (1, L) packed covariances at step 0.
         means: (T + 1, B, 2) predicted mean positions, north m, east m.
-        process_noise: (B, 3) entries of W.
+        process_noise: (B, 3) the position, cross and velocity entries of W (each times I₂).
         team_information: (T + 1, B, 3) nn, ne, ee entries of the teammates' information, m⁻².
         team_looks: (T + 1,) how many blocks the teammates see at each step.
-        bounds: Where the robot may be.
     """
 
-    start: NDArray[np.float64]
-    step_s: float
-    horizon: int
-    motions: NDArray[np.float64]
-    reach_m: float
-    sensor: PackedSensor
     n4: int
     n2: int
+    step_s: float
     prior: NDArray[np.float64]
     means: NDArray[np.float64]
     process_noise: NDArray[np.float64]
     team_information: NDArray[np.float64]
     team_looks: NDArray[np.int64]
+
+
+class PackedProblem(NamedTuple):
+    """One planning problem.
+
+    Attributes:
+        start: (3,) north m, east m, yaw rad.
+        horizon: T.
+        motions: (U, 7) per primitive: displacement ahead and to the right in the body frame at the step's start (m),
+            turn (rad), its cosine and sine, speed (m/s), yaw rate (rad/s).
+        reach_m: The longest displacement in a step, m.
+        sensor: The sensor.
+        blocks: Targets and landmarks.
+        bounds: Where the robot may be.
+    """
+
+    start: NDArray[np.float64]
+    horizon: int
+    motions: NDArray[np.float64]
+    reach_m: float
+    sensor: PackedSensor
+    blocks: PackedBlocks
     bounds: PackedBounds
 
 
@@ -80,18 +90,20 @@ def pack_problem(problem: Problem) -> PackedProblem:
     motions = _motions(problem)
     return PackedProblem(
         start=np.array(problem.pose.as_tuple(), dtype=np.float64),
-        step_s=step_s,
         horizon=horizon,
         motions=motions,
         reach_m=float(np.hypot(motions[:, 0], motions[:, 1]).max()),
         sensor=sensor,
-        n4=len(four),
-        n2=len(two),
-        prior=_prior(four, two),
-        means=means,
-        process_noise=_process_noise(blocks, step_s),
-        team_information=team_information,
-        team_looks=np.count_nonzero(team_information.any(axis=2), axis=1).astype(np.int64),
+        blocks=PackedBlocks(
+            n4=len(four),
+            n2=len(two),
+            step_s=step_s,
+            prior=_prior(four, two),
+            means=means,
+            process_noise=_process_noise(blocks, step_s),
+            team_information=team_information,
+            team_looks=np.count_nonzero(team_information.any(axis=2), axis=1).astype(np.int64),
+        ),
         bounds=pack_bounds(problem),
     )
 

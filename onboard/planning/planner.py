@@ -16,12 +16,12 @@ from onboard.planning.plan import Budget, Plan, Progress
 from onboard.planning.problem import Problem
 from onboard.planning.schedule import arvi_schedule
 from onboard.planning.search import run_schedule
-from onboard.planning.tree import Tree, Workspace
+from onboard.planning.tree import COST, EXPANDED, GENERATED, Tree, Workspace
 
 __all__ = ["DEFAULT_NODE_LIMIT", "Planner"]
 
-DEFAULT_NODE_LIMIT = 2_000_000
-"""About 250 MB when it is all used."""
+DEFAULT_NODE_LIMIT = 1_500_000
+"""About 220 MB."""
 
 _RESERVE_S = 0.0003
 """Time kept back for making the plan out of the tree."""
@@ -65,7 +65,7 @@ class Planner:
         start_s: float,
     ) -> Plan:
         tree = self._workspace.tree_for(packed)
-        lower = float(lower_bounds(packed, tree).sum())
+        lower = float(lower_bounds(packed, np.empty((2, packed.blocks.prior.shape[1]))).sum())
         limits = Limits(
             math.inf if budget.deadline_s is None else float(budget.deadline_s) - _RESERVE_S,
             UNLIMITED if budget.nodes is None else int(budget.nodes),
@@ -116,8 +116,8 @@ def _plan_from(problem: Problem, tree: Tree, passes: int, outcome: int, lower: f
         width=last,
         complete=complete,
         feasible=feasible,
-        nodes_generated=int(tree.counters[2]),
-        nodes_expanded=int(tree.counters[3]),
+        nodes_generated=int(tree.counters[GENERATED]),
+        nodes_expanded=int(tree.counters[EXPANDED]),
         elapsed_s=time.perf_counter() - start_s,
         history=tuple(history),
     )
@@ -129,5 +129,5 @@ def _deepest(tree: Tree, horizon: int) -> tuple[int, int]:
         runs = [np.arange(begin, end) for begin, end in tree.node_runs[:, step] if end > begin]
         if runs:
             nodes = np.concatenate(runs)
-            return int(nodes[np.argmin(tree.nodes[nodes, 3])]), step
+            return int(nodes[np.argmin(tree.nodes[nodes, COST])]), step
     return 0, 0

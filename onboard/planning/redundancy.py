@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.planning.blocks import FOUR, TWO
-from onboard.planning.jit import kernel
+from onboard.planning.jit import inlined_kernel
 
 __all__ = ["exceeds"]
 
 _RELATIVE_TOLERANCE = 1e-13
 
 
-@kernel
+@inlined_kernel
 def exceeds(rows: NDArray[np.float64], first: int, second: int, epsilon: float, n4: int, n2: int) -> bool:
     """Whether ``Σ_first + εI ⪰ Σ_second``, block by block, by elimination.
 

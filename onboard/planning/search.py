@@ -52,7 +52,7 @@ def run_schedule(
         )
         if outcome == STOPPED:
             return number, outcome
-        tree.passes[number, 0] = now_s(tree.timespec) - start_s
+        tree.passes[number, 0] = now_s(tree.order.timespec) - start_s
         tree.passes[number, 1] = tree.best[0]
         tree.passes[number, 2] = epsilon
         tree.passes[number, 3] = delta
