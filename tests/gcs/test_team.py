@@ -1,0 +1,141 @@
+"""The team's messages to a state and events, in virtual time."""
+
+import numpy as np
+import pytest
+
+from gcs.commands import AUTOPILOT, ONBOARD
+from gcs.team import TeamMonitor
+from onboard.messages import FlightState
+from onboard.protocol import dialect as mavlink
+
+T0 = 1.5e9
+BRIDGE = 250
+GCS_TYPE_HEARTBEAT = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+
+
+def belief(step_s, target=3, matrix=(4.0, 0.0, 4.0), vector=(4.0, 8.0)):
+    return mavlink.MAVLink_target_belief_message(
+        round(step_s * 1e6), [*vector, 0.0, 0.0], [*matrix, *[0.0] * 7], target, 1, 0
+    )
+
+
+def target_truth(time_s, north=1.0, east=2.0, target=3):
+    return mavlink.MAVLink_target_truth_message(round(time_s * 1e6), north, east, 0.0, 0.0, target)
+
+
+@pytest.fixture
+def team(scenario):
+    return TeamMonitor(scenario)
+
+
+@pytest.fixture
+def texts(team):
+    return lambda: [(event.source, event.text) for event in team.take_events()]
+
+
+def test_each_component_speaks_for_its_own(team, heard, heartbeat, status):
+    team.receive(heard(2, AUTOPILOT, heartbeat(armed=True, mode=0x00060000)), T0)
+    team.receive(heard(2, ONBOARD, GCS_TYPE_HEARTBEAT), T0 + 1.0)
+    team.receive(heard(2, ONBOARD, status(T0, state=FlightState.TRACK, mission_start_usec=round(T0 * 1e6))), T0)
+    state = team.state(T0 + 2.0)
+    second = state.vehicle(2)
+    assert (second.mode, second.armed, second.flight_state) == ("OFFBOARD", True, FlightState.TRACK)
+    assert (second.autopilot_age_s, second.onboard_age_s) == (2.0, 1.0)
+    assert state.mission_start_s == T0
+    assert state.vehicle(1).armed is None
+
+
+def test_strangers_are_ignored(team, heard, heartbeat, status):
+    before = team.state(T0)
+    for system in (77, 255):
+        team.receive(heard(system, 1, heartbeat(armed=True)), T0)
+        team.receive(heard(system, 191, status(T0)), T0)
+        team.receive(heard(system, 1, target_truth(T0)), T0)
+    assert team.state(T0) == before
+
+
+def test_truth_is_taken_from_the_bridge_alone(team, heard):
+    team.receive(heard(1, ONBOARD, target_truth(T0)), T0)
+    assert team.state(T0).targets == ()
+    team.receive(heard(BRIDGE, 1, target_truth(T0)), T0)
+    assert [target.id for target in team.state(T0).targets] == [3]
+
+
+def test_rmse_through_the_wire(team, heard):
+    for tenth in range(-5, 20):
+        team.receive(heard(BRIDGE, 1, target_truth(T0 + 0.1 * tenth, north=1.0, east=2.0)), T0)
+    team.receive(heard(1, ONBOARD, belief(T0, vector=(4.0, 8.0 + 12.0))), T0)  # mean (1, 5): 3 m off
+    team.advance(T0 + 3.0)
+    figures = team.state(T0 + 3.0).figures
+    assert figures.rmse_m == pytest.approx(3.0, abs=1e-5)
+    assert figures.entropy_nats == pytest.approx(0.5 * np.log((2 * np.pi * np.e) ** 2 / 16.0), abs=1e-6)
+
+
+def test_a_discovery_is_told_once(team, heard, texts):
+    team.receive(heard(3, ONBOARD, belief(T0)), T0)
+    team.receive(heard(1, ONBOARD, belief(T0 + 0.5)), T0)
+    assert texts() == [("team", "target 3 found by vehicle 3 (1 so far)")]
+    assert team.state(T0).discovered == 1
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        belief(T0, matrix=(1.0, 2.0, 1.0)),
+        belief(T0, matrix=(float("nan"), 0.0, 1.0)),
+        belief(T0 + 0.2),  # between two steps
+    ],
+)
+def test_beliefs_that_are_none_are_counted(team, heard, bad):
+    team.receive(heard(1, ONBOARD, bad), T0)
+    assert team.rejected == 1
+    assert team.state(T0).discovered == 0
+
+
+def test_silence_and_return_are_told_once(team, heard, heartbeat, texts):
+    team.receive(heard(1, AUTOPILOT, heartbeat()), T0)
+    team.receive(heard(1, ONBOARD, GCS_TYPE_HEARTBEAT), T0)
+    for seconds in (4.0, 4.6, 5.0, 6.0):
+        team.receive(heard(1, AUTOPILOT, heartbeat()), T0 + seconds - 0.1)
+        team.advance(T0 + seconds)
+    assert texts() == [("vehicle 1", "onboard process is silent: no heartbeat for 4.6 s")]
+    team.receive(heard(1, ONBOARD, GCS_TYPE_HEARTBEAT), T0 + 7.0)
+    assert texts() == [("vehicle 1", "onboard process is heard again")]
+
+
+def test_mode_changes_misses_and_texts_are_events(team, heard, heartbeat, status, texts):
+    team.receive(heard(1, AUTOPILOT, heartbeat(mode=0x00060000)), T0)
+    team.receive(heard(1, AUTOPILOT, heartbeat(mode=0x00030000)), T0)
+    team.receive(heard(1, ONBOARD, status(T0, deadline_misses=2)), T0)
+    team.receive(heard(1, ONBOARD, status(T0 + 0.5, deadline_misses=2)), T0)
+    team.receive(heard(1, AUTOPILOT, mavlink.MAVLink_statustext_message(4, b"Failsafe\x1b[2J activated")), T0)
+    assert texts() == [
+        ("vehicle 1", "mode OFFBOARD → POSCTL"),
+        ("vehicle 1", "missed the planning deadline (2 in all)"),
+        ("vehicle 1", "Failsafe·[2J activated"),
+    ]
+    assert team.state(T0).vehicle(1).status_text == "Failsafe·[2J activated"
+
+
+def test_a_long_text_is_one_event(team, heard, texts):
+    first = mavlink.MAVLink_statustext_message(6, b"a" * 50, 7, 0)
+    last = mavlink.MAVLink_statustext_message(6, b"b", 7, 1)
+    team.receive(heard(1, ONBOARD, first), T0)
+    assert texts() == []
+    team.receive(heard(1, ONBOARD, last), T0)
+    assert texts() == [("vehicle 1", "a" * 50 + "b")]
+
+
+def test_what_nobody_needs_is_not_decoded_and_fast_streams_are_thinned(team):
+    position, attitude = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTITUDE
+    assert not team.wants(attitude, 1, T0)
+    assert team.wants(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1, T0)
+    read = sum(team.wants(position, 1, T0 + 0.02 * i) for i in range(500))
+    assert 46 <= read <= 51, "50 Hz for 10 s, read at 5 Hz"
+    assert team.wants(position, 2, T0), "each vehicle has its own clock"
+
+
+def test_how_many_targets_there_are(team, scenario, heard):
+    assert team.state(T0).target_count == 5
+    hardware = TeamMonitor(scenario.model_copy(update={"simulation": None}))
+    assert hardware.state(T0).target_count is None
