@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from onboard.config.base import NonNegative, Positive, Section, SystemId
+from onboard.config.patterns import LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple
 from onboard.config.simulation import SimulationConfig
 from onboard.estimation.sensor import RangeBearingSensor
@@ -35,9 +36,8 @@ __all__ = [
 MAX_SYSTEM_ID = 200
 """Vehicles number from 1 up; ground stations and the bridge from 255 down."""
 
-LINK_URL = r"^(udpin|udpout|mcast):(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$"
-
-LinkUrl = Annotated[str, Field(pattern=LINK_URL, description="udpin:HOST:PORT, udpout:HOST:PORT or mcast:GROUP:PORT")]
+MAX_TILES = 3000
+"""Of the visibility grid: about three million cells."""
 
 
 class MissionConfig(Section):
@@ -53,7 +53,9 @@ class MissionConfig(Section):
     publishing_time_s: NonNegative = Field(default=0.015, description="kept of each slot for publishing the plan")
     measuring_delay_s: NonNegative = Field(default=0.08, description="from a step to its update: detections travel")
     takeoff_time_s: Positive = Field(default=12.0, description="from the start command to step 0, to reach the layers")
-    fence: tuple[tuple[float, float], ...] = Field(description="corners [north m, east m] of the mission area")
+    fence: tuple[tuple[float, float], ...] = Field(
+        max_length=256, description="corners [north m, east m] of the mission area"
+    )
     separation_m: NonNegative = Field(
         default=0.8, description="horizontal distance on one layer; layers closer are one"
     )
@@ -69,10 +71,10 @@ class MissionConfig(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.replan_steps > self.horizon:
-            raise ValueError(f"replan_steps = {self.replan_steps} is beyond horizon = {self.horizon}")
+            raise ValueError(f"replan_steps: {self.replan_steps} is beyond the horizon of {self.horizon} steps")
         if self.planning_time_s + self.planning_lead_s > self.epoch_s:
             raise ValueError(
-                f"planning_time_s + planning_lead_s = {self.planning_time_s + self.planning_lead_s:g} s does not fit "
+                f"planning_time_s: {self.planning_time_s:g} and planning_lead_s = {self.planning_lead_s:g} do not fit "
                 f"between epochs, replan_steps x step_s = {self.epoch_s:g} s"
             )
         return self
@@ -203,14 +205,14 @@ class VehicleConfig(Section):
 class GroundConfig(Section):
     """The ground station."""
 
-    url: Annotated[str, Field(pattern=r"^udpin:(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$")] = "udpin:127.0.0.1:14550"
+    url: ListenUrl = "udpin:127.0.0.1:14550"
     system_id: SystemId = 255
 
 
 class Scenario(Section):
     """One configuration file."""
 
-    name: Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9_.\-]+$")]
+    name: ScenarioName
     mission: MissionConfig
     primitives: tuple[tuple[float, float], ...] = Field(min_length=1, max_length=127)
     sensor: SensorConfig
@@ -226,35 +228,47 @@ class Scenario(Section):
     @field_validator("primitives")
     @classmethod
     def _primitives_are_distinct(cls, primitives: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        if any(speed < 0.0 for speed, _ in primitives):
-            raise ValueError("speeds (the first number of each [m/s, rad/s]) are not negative")
-        if len(set(primitives)) != len(primitives):
-            raise ValueError("a primitive is listed twice")
+        for speed, yaw_rate in primitives:
+            if speed < 0.0:
+                raise ValueError(f"[{speed}, {yaw_rate}]: speeds, the first number of [m/s, rad/s], are not negative")
+            if primitives.count((speed, yaw_rate)) > 1:
+                raise ValueError(f"[{speed}, {yaw_rate}] is listed twice")
         return primitives
 
     @model_validator(mode="after")
     def _team_is_consistent(self) -> Self:
-        ids = [vehicle.id for vehicle in self.vehicles]
-        for vehicle_id in ids:
-            if ids.count(vehicle_id) > 1:
-                raise ValueError(f"vehicles: id {vehicle_id} is given twice; every vehicle has its own")
-        for vehicle in self.vehicles:
+        for i, vehicle in enumerate(self.vehicles):
             if not contains(self.mission.fence, vehicle.home):
-                raise ValueError(
-                    f"vehicles: the home {list(vehicle.home)} of vehicle {vehicle.id} is outside the fence"
-                )
-        for i, first in enumerate(self.vehicles):
-            for second in self.vehicles[i + 1 :]:
-                apart = math.dist(first.home, second.home)
+                raise ValueError(f"vehicles[{i}].home: {list(vehicle.home)} is outside the fence")
+            for j, other in enumerate(self.vehicles[:i]):
+                if vehicle.id == other.id:
+                    raise ValueError(
+                        f"vehicles[{i}].id: {vehicle.id} is also vehicles[{j}]'s; every vehicle has its own"
+                    )
+                apart = math.dist(vehicle.home, other.home)
                 if apart < self.mission.separation_m:
                     raise ValueError(
-                        f"vehicles: the homes of {first.id} and {second.id} are {apart:.2f} m apart, "
+                        f"vehicles[{i}].home: {list(vehicle.home)} is {apart:.2f} m from vehicle {other.id}'s home; "
                         f"separation_m asks for {self.mission.separation_m}"
                     )
+        ids = [vehicle.id for vehicle in self.vehicles]
         if self.simulation is not None and self.simulation.system_id in ids:
-            raise ValueError(f"simulation.system_id = {self.simulation.system_id} is also a vehicle's id")
+            raise ValueError(f"simulation.system_id: {self.simulation.system_id} is also a vehicle's id")
         if self.ground.system_id in ids:
-            raise ValueError(f"ground.system_id = {self.ground.system_id} is also a vehicle's id")
+            raise ValueError(f"ground.system_id: {self.ground.system_id} is also a vehicle's id")
+        return self
+
+    @model_validator(mode="after")
+    def _grid_fits_memory(self) -> Self:
+        side_m = 32 * self.exploration.cell_m
+        tiles = 1
+        for coordinates in zip(*self.mission.fence, strict=True):
+            tiles *= math.floor(max(coordinates) / side_m) - math.floor(min(coordinates) / side_m) + 1
+        if tiles > MAX_TILES:
+            raise ValueError(
+                f"exploration.cell_m: {self.exploration.cell_m} divides the fence into {tiles} tiles of 32 x 32 cells; "
+                f"at most {MAX_TILES} fit"
+            )
         return self
 
     @property

@@ -56,10 +56,11 @@ class GroundRobotsConfig(Section):
         low, high = self.cruise_speed_m_s
         if not low <= high <= self.max_speed_m_s:
             raise ValueError(
-                f"cruise_speed_m_s is [lowest, highest] with lowest <= highest <= max_speed_m_s = {self.max_speed_m_s}"
+                f"cruise_speed_m_s: [{low}, {high}] should be [lowest, highest], lowest <= highest <= "
+                f"max_speed_m_s = {self.max_speed_m_s}"
             )
         if self.starts is not None and len(self.starts) != self.count:
-            raise ValueError(f"starts lists {len(self.starts)} places for count = {self.count} robots")
+            raise ValueError(f"starts: lists {len(self.starts)} places for count = {self.count} robots")
         return self
 
 

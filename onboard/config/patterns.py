@@ -1,0 +1,35 @@
+"""Texts of a certain form, and how to say what that form is."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+__all__ = ["PATTERN_MEANING", "LinkUrl", "ListenUrl", "ScenarioName"]
+
+_NAME = r"^[A-Za-z0-9_.\-]+$"
+_LINK = r"^(udpin|udpout|mcast):(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$"
+_LISTEN = r"^udpin:(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$"
+
+PATTERN_MEANING = MappingProxyType(
+    {
+        _NAME: "should have letters, digits, dots, dashes and underscores only",
+        _LINK: "should be udpin:HOST:PORT, udpout:HOST:PORT or mcast:GROUP:PORT",
+        _LISTEN: "should be udpin:HOST:PORT",
+    }
+)
+"""What is allowed, by regular expression."""
+
+
+def _port_exists(url: str) -> str:
+    port = int(url.rsplit(":", 1)[1])
+    if not 1 <= port <= 65535:
+        raise ValueError(f'"{url}" has the port {port}; ports are 1 to 65535')
+    return url
+
+
+ScenarioName = Annotated[str, Field(min_length=1, max_length=64, pattern=_NAME)]
+LinkUrl = Annotated[str, Field(pattern=_LINK), AfterValidator(_port_exists)]
+ListenUrl = Annotated[str, Field(pattern=_LISTEN), AfterValidator(_port_exists)]
