@@ -73,7 +73,9 @@ def test_the_small_scenario_is_right(scenario_file):
         scenario.vehicle(7)
 
 
-@pytest.mark.parametrize("path", sorted(Path("configs").glob("*.yaml")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted((Path(__file__).parents[3] / "configs").glob("*.yaml")), ids=lambda path: path.name
+)
 def test_the_shipped_scenarios_load(path):
     load_scenario(path)
 
