@@ -9,6 +9,7 @@ import logging
 import math
 import resource
 import signal
+import struct
 import time
 from collections.abc import Callable
 from typing import Any
@@ -57,7 +58,7 @@ class BridgeProcess:
         self._system_id = system_id
         self._timer: asyncio.TimerHandle | None = None
         self._radio_timer: asyncio.TimerHandle | None = None
-        self._is_closed = False
+        self._refused: set[tuple[int, str]] = set()
 
     async def open(self) -> None:
         """Open all sockets.
@@ -65,17 +66,16 @@ class BridgeProcess:
         Raises:
             TransportError: One of them is not to be had; those already open are closed again.
         """
-        own = Codec(self._system_id, AUTOPILOT_COMPONENT)
         try:
             for vehicle_id, ports in self._ports.vehicles.items():
                 await self._open_autopilot(vehicle_id, ONBOARD, ports.onboard, ports.autopilot_local)
                 await self._open_autopilot(vehicle_id, GCS, self._ports.ground, ports.gcs_local)
-                self._out[Port.SENSOR, vehicle_id] = (own, await self._open(_url("udpout", ports.sensor)))
+                await self._open_own(Port.SENSOR, vehicle_id, ports.sensor)
                 if ports.radio_local is not None:
                     receive = functools.partial(self._receive_broadcast, vehicle_id)
                     link = await self._open(_url("udpin", ports.radio_local), receive)
                     self._radio_links[vehicle_id] = link
-            self._out[Port.TRUTH, 0] = (own, await self._open(_url("udpout", self._ports.ground)))
+            await self._open_own(Port.TRUTH, 0, self._ports.ground)
         except TransportError:
             self.close()
             raise
@@ -86,7 +86,6 @@ class BridgeProcess:
 
     def close(self) -> None:
         """Stop the clockwork and close all sockets."""
-        self._is_closed = True
         for timer in (self._timer, self._radio_timer):
             if timer is not None:
                 timer.cancel()
@@ -101,14 +100,19 @@ class BridgeProcess:
         return link
 
     async def _open_autopilot(self, vehicle_id: int, link: LinkName, remote: Address, local: Address) -> None:
-        # Each link of an autopilot numbers its own frames, as PX4's do.
+        # Each link numbers its own frames, as PX4's do.
         codec = Codec(vehicle_id, AUTOPILOT_COMPONENT)
         receive = functools.partial(self._receive_command, vehicle_id, link, codec)
         self._out[Port(link), vehicle_id] = (codec, await self._open(_url("udpout", remote), receive, local))
 
+    async def _open_own(self, port: Port, vehicle_id: int, remote: Address) -> None:
+        """Open a link on which the bridge speaks as itself, and hears nobody."""
+        codec = Codec(self._system_id, AUTOPILOT_COMPONENT)
+        self._out[port, vehicle_id] = (codec, await self._open(_url("udpout", remote)))
+
     def _tick(self) -> None:
         self._bridge.advance(self._clock())
-        self._send_outbox()
+        self.send()
         # The grid of the steps sets the next time, so lateness does not add up.
         delay_s = self._bridge.pacer.next_s - self._clock()
         self._timer = asyncio.get_running_loop().call_later(max(0.0, delay_s), self._tick)
@@ -139,12 +143,18 @@ class BridgeProcess:
                 link.send(delivery.datagram)
         self._schedule_radio()
 
-    def _send_outbox(self) -> None:
+    def send(self) -> None:
+        """Send what the bridge has to say; messages of one link share datagrams."""
         batches: dict[tuple[Port, int], bytearray] = {}
         for port, vehicle_id, message in self._bridge.outbox():
             key = (port, vehicle_id)
             codec, link = self._out[key]
-            frame = codec.encode(message)
+            try:
+                frame = codec.encode(message)
+            except struct.error as error:
+                # One vehicle's estimate that has run away must not take the others' world with it.
+                self._refuse(vehicle_id, message.get_type(), error)
+                continue
             batch = batches.setdefault(key, bytearray())
             if len(batch) + len(frame) > MAX_DATAGRAM_BYTES:
                 link.send(bytes(batch))
@@ -152,6 +162,11 @@ class BridgeProcess:
             batch += frame
         for key, batch in batches.items():
             self._out[key][1].send(bytes(batch))
+
+    def _refuse(self, vehicle_id: int, name: str, error: struct.error) -> None:
+        if (vehicle_id, name) not in self._refused:
+            _log.warning("vehicle %d: %s holds a value that its field cannot: %s (said once)", vehicle_id, name, error)
+        self._refused.add((vehicle_id, name))
 
 
 async def _serve(scenario: Scenario, seed: int | None) -> int:

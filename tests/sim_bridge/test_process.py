@@ -16,9 +16,12 @@ from onboard.config import load_scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from sim_bridge.__main__ import main
-from sim_bridge.process import run_bridge
+from sim_bridge.bridge import Outgoing, Port, build_bridge
+from sim_bridge.ports import find_ports
+from sim_bridge.process import BridgeProcess, run_bridge
 
 LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
+NOON = 1_790_000_000.0
 SHIFT = 20_000
 """This test's ports lie this far above the usual ones, so that it may run beside a simulation."""
 
@@ -159,6 +162,29 @@ def test_a_second_copy_names_the_port_and_leaves_the_first_alone(tmp_path):
     finally:
         first.kill()
         first.wait()
+        sock.close()
+
+
+async def test_a_value_that_does_not_fit_its_field_stops_nobody_else(tmp_path, caplog):
+    scenario = load_scenario(shifted_lab(tmp_path))
+    bridge = build_bridge(scenario, None, NOON)
+    overflow = mavlink.MAVLink_system_time_message(2**64, 0)
+    clock = iter([NOON + 0.001 * k for k in range(1000)])
+    process = BridgeProcess(bridge, find_ports(scenario), 250, lambda: next(clock))
+    sock = listener(14540)
+    await process.open()
+    try:
+        for _ in range(2):
+            fine = mavlink.MAVLink_heartbeat_message(2, 12, 29, 0, 3, 3)
+            outgoing = [Outgoing(Port.ONBOARD, 1, overflow), Outgoing(Port.ONBOARD, 1, fine)]
+            bridge.outbox = lambda outgoing=outgoing: outgoing
+            process.send()
+        messages = [message for datagram in drain(sock) for message in Codec(255, 190).decode(datagram)]
+        assert [message.get_type() for message in messages] == ["HEARTBEAT", "HEARTBEAT"]
+        assert [message.get_seq() for message in messages] == [0, 1]
+        assert caplog.text.count("vehicle 1: SYSTEM_TIME holds a value that its field cannot") == 1
+    finally:
+        process.close()
         sock.close()
 
 
