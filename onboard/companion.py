@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from onboard.agent import Agent
-from onboard.clock import MissionClock, usec
+from onboard.clock import MissionClock
 from onboard.config.schema import Scenario
 from onboard.epochs import EpochSchedule, Slot
 from onboard.errors import OnboardError
@@ -38,6 +38,7 @@ from onboard.protocol.team_messages import (
     read_status,
     read_tile,
 )
+from onboard.status import Counts, planner_status
 
 __all__ = ["COMPONENT", "Companion", "LinkName", "PlanningJob"]
 
@@ -76,18 +77,6 @@ class PlanningJob:
     budget_s: float
 
 
-@dataclass(slots=True)
-class _Counts:
-    setpoints: int = 0
-    setpoint_gap_max_s: float = 0.0
-    plans: int = 0
-    deadline_misses: int = 0
-    peer_bytes_sent: int = 0
-    peer_bytes_received: int = 0
-    detections: int = 0
-    refused: int = 0
-
-
 class Companion:
     """One vehicle's onboard computer.
 
@@ -109,7 +98,7 @@ class Companion:
         self._schedule: EpochSchedule | None = None
         self._codecs = {name: Codec(vehicle_id, COMPONENT) for name in LinkName}
         self._checksum = primitives_checksum(scenario.primitive_set)
-        self._counts = _Counts()
+        self._counts = Counts()
         self._out: list[tuple[LinkName, bytes]] = []
         self._unreported: list[Event] = []
         self._events: list[Event] = []
@@ -119,7 +108,6 @@ class Companion:
         self._last_setpoint_s: float | None = None
         self._last_step = -1
         self._planned_step = -1
-        self._plan_epoch_s: float | None = None
         self._infeasible = False
 
     # Frames in.
@@ -224,7 +212,6 @@ class Companion:
             )
             self.agent = Agent(self._scenario, self.vehicle, self._clock)
             self._last_step = self._planned_step = -1
-            self._plan_epoch_s = None
         return refusal
 
     # The clockwork.
@@ -325,7 +312,6 @@ class Companion:
         controls = self.agent.controls(own)
         trajectory = PlanTrajectory(job.slot.epoch_s, job.start, controls, mission.step_s)
         self.machine.fly(trajectory, job.slot.epoch_s, trajectory.end_s)
-        self._plan_epoch_s = job.slot.epoch_s
         message = encode_plan(own, self._clock, self._checksum)
         self._send(LinkName.PEERS, message)
         self._send(LinkName.GROUND, message)
@@ -362,38 +348,10 @@ class Companion:
         self._send(LinkName.GROUND, message)
 
     def _status(self, time_s: float) -> None:
-        counts, agent = self._counts, self.agent
-        neighbours = agent.team.neighbours(time_s)[:32] if agent is not None else ()
-        group = agent.group(time_s) if agent is not None else None
-        position = self.autopilot.position or (math.nan, math.nan, math.nan)
-        pose = self.autopilot.pose()
-        error = self.machine.tracking_error_m(time_s)
-        flies = self.machine.state is FlightState.TRACK and self._plan_epoch_s is not None
-        message = mavlink.MAVLink_planner_status_message(
-            usec(time_s),
-            usec(self._clock.start_s) if self._clock is not None else 0,
-            *position,
-            pose.yaw_rad if pose is not None else math.nan,
-            error if error is not None else math.nan,
-            time_s - self._plan_epoch_s if flies and self._plan_epoch_s is not None else math.nan,
-            counts.setpoint_gap_max_s,
-            counts.setpoints,
-            counts.plans,
-            counts.deadline_misses,
-            counts.peer_bytes_sent & 0xFFFFFFFF,
-            counts.peer_bytes_received & 0xFFFFFFFF,
-            counts.detections,
-            counts.refused + sum(codec.rejected for codec in self._codecs.values()),
-            [*neighbours, *[0] * (32 - len(neighbours))],
-            int(self.machine.state),
-            len(group.members) if group is not None else 1,
-            group.order if group is not None else 0,
-            min(len(agent.tracks), 255) if agent is not None else 0,
-            agent.landmark_count if agent is not None else 0,
-            int(self.machine.over_home),
-        )
+        rejected = sum(codec.rejected for codec in self._codecs.values())
+        message = planner_status(time_s, self._clock, self.machine, self.autopilot, self.agent, self._counts, rejected)
         self._send(LinkName.GROUND, message)
-        if pose is not None:
+        if self.autopilot.pose() is not None:
             self._send(LinkName.PEERS, message)
 
     def events(self) -> list[Event]:

@@ -81,6 +81,7 @@ class FlightMachine:
         self._link = link
         self._tracker = SetpointTracker(config)
         self._next: tuple[float, Trajectory, float] | None = None
+        self._flown_from_s = math.inf
         self._flown_until_s = math.inf
         self._since_s = -math.inf
         self._command_s = -math.inf
@@ -192,6 +193,10 @@ class FlightMachine:
         if self.state is not FlightState.TRACK or measured is None or self.trajectory is None:
             return None
         return measured.distance_m(self.trajectory.reference(time_s).pose)
+
+    def plan_age_s(self, time_s: float) -> float | None:
+        """Since the start of the plan that is flown, s; None when none is flown."""
+        return time_s - self._flown_from_s if self.state is FlightState.TRACK else None
 
     def events(self) -> list[Event]:
         """What happened since the last call."""
@@ -379,7 +384,7 @@ class FlightMachine:
 
     def _switch(self) -> None:
         if self._next is not None:
-            _, self.trajectory, self._flown_until_s = self._next
+            self._flown_from_s, self.trajectory, self._flown_until_s = self._next
             self._next = None
 
     def _at_layer(self) -> bool:

@@ -326,8 +326,10 @@ def test_the_tracking_error_is_measured_against_the_plan() -> None:
     flight = Flight()
     flight.fly_to(FlightState.HOLD)
     assert flight.machine.tracking_error_m(flight.time_s) is None
+    assert flight.machine.plan_age_s(flight.time_s) is None
     flight.plan()
     flight.run(3.0)
+    assert flight.machine.plan_age_s(flight.time_s) == pytest.approx(2.5, abs=2 * TICK_S)
     error = flight.machine.tracking_error_m(flight.time_s)
     assert error is not None
     assert error < 0.2

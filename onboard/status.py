@@ -1,0 +1,95 @@
+"""What an onboard process says of itself once a step: PLANNER_STATUS."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from onboard.agent import Agent
+from onboard.clock import MissionClock, usec
+from onboard.flight.autopilot import AutopilotLink
+from onboard.flight.machine import FlightMachine
+from onboard.protocol import dialect as mavlink
+
+__all__ = ["Counts", "planner_status"]
+
+_MAX_NEIGHBOURS = 32
+_UINT8, _UINT32 = 0xFF, 0xFFFFFFFF
+
+
+@dataclass(slots=True)
+class Counts:
+    """What an onboard process has done since it began.
+
+    Attributes:
+        setpoints: Setpoints sent.
+        setpoint_gap_max_s: Longest pause between two of one stream, s.
+        plans: Plans made.
+        deadline_misses: Plans that were not published by the end of their slot.
+        peer_bytes_sent: On the peer link.
+        peer_bytes_received: On the peer link.
+        detections: Detections accepted.
+        refused: Valid frames whose content was refused.
+    """
+
+    setpoints: int = 0
+    setpoint_gap_max_s: float = 0.0
+    plans: int = 0
+    deadline_misses: int = 0
+    peer_bytes_sent: int = 0
+    peer_bytes_received: int = 0
+    detections: int = 0
+    refused: int = 0
+
+
+def planner_status(
+    time_s: float,
+    clock: MissionClock | None,
+    machine: FlightMachine,
+    autopilot: AutopilotLink,
+    agent: Agent | None,
+    counts: Counts,
+    rejected: int,
+) -> mavlink.MAVLink_planner_status_message:
+    """The status at a UNIX time; what is unknown is NaN.
+
+    Args:
+        time_s: UNIX time, s.
+        clock: Mission time; None before the start.
+        machine: Flight states.
+        autopilot: The vehicle.
+        agent: Algorithm 3; None before the start.
+        counts: What was done.
+        rejected: Pieces of datagrams on all links that were no valid frame.
+    """
+    neighbours = agent.team.neighbours(time_s)[:_MAX_NEIGHBOURS] if agent is not None else ()
+    group = agent.group(time_s) if agent is not None else None
+    pose = autopilot.pose()
+    error = machine.tracking_error_m(time_s)
+    plan_age_s = machine.plan_age_s(time_s)
+    position = autopilot.position or (math.nan, math.nan, math.nan)
+    return mavlink.MAVLink_planner_status_message(
+        time_usec=usec(time_s),
+        mission_start_usec=usec(clock.start_s) if clock is not None else 0,
+        north=position[0],
+        east=position[1],
+        down=position[2],
+        yaw=pose.yaw_rad if pose is not None else math.nan,
+        tracking_error=error if error is not None else math.nan,
+        plan_age=plan_age_s if plan_age_s is not None else math.nan,
+        setpoint_gap_max=counts.setpoint_gap_max_s,
+        setpoints=counts.setpoints & _UINT32,
+        plans=counts.plans & _UINT32,
+        deadline_misses=counts.deadline_misses & _UINT32,
+        peer_bytes_sent=counts.peer_bytes_sent & _UINT32,
+        peer_bytes_received=counts.peer_bytes_received & _UINT32,
+        detections=counts.detections & _UINT32,
+        rejected=(counts.refused + rejected) & _UINT32,
+        neighbours=[*neighbours, *[0] * (_MAX_NEIGHBOURS - len(neighbours))],
+        state=int(machine.state),
+        group_size=min(len(group.members), _UINT8) if group is not None else 1,
+        group_order=min(group.order, _UINT8) if group is not None else 0,
+        targets=min(len(agent.tracks), _UINT8) if agent is not None else 0,
+        landmarks=min(agent.landmark_count, _UINT8) if agent is not None else 0,
+        over_home=int(machine.over_home),
+    )
