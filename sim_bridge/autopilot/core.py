@@ -282,7 +282,7 @@ class SimulatedAutopilot:
         self.setpoint = IDLE
         self.offboard.leave()
         self._ramp.step(time_s, armed=False, landed=self._land_detector.landed, wants_takeoff=False)
-        if not self.home_set and self.local_position_valid and self.origin is not None:
+        if not self.home_set and self.origin is not None and (self.local_position_valid or self.gps.enabled):
             self._set_home()
 
     def _fly(self, time_s: float) -> VelocityCommand:
@@ -305,8 +305,11 @@ class SimulatedAutopilot:
         return climbs or setpoint.position[2] < self.estimator.down_m - _TAKEOFF_MARGIN_M
 
     def _set_home(self) -> None:
+        """Home is here; from the receiver itself while there is no estimate."""
         estimator = self.estimator
-        self.home = (estimator.north_m, estimator.east_m, estimator.down_m)
+        self.home = self.gps.position
+        if self.local_position_valid:
+            self.home = (estimator.north_m, estimator.east_m, estimator.down_m)
         self.home_yaw_rad = estimator.yaw_rad
         self.home_set = True
 

@@ -113,17 +113,13 @@ class FlightTasks:
 
     def _land(self, home: tuple[float, float, float]) -> Setpoint:
         north_m, east_m, _ = self._hold
-        return Setpoint(
-            position=(north_m, east_m, _NAN), velocity=(_NAN, _NAN, self._sink_rate(home)), yaw_rad=self._yaw_rad
-        )
+        return Setpoint(position=(north_m, east_m, self._sinking_down_m(home)), yaw_rad=self._yaw_rad)
 
     def _return(self, home: tuple[float, float, float]) -> Setpoint:
         """Climb, fly home, land."""
         estimator, return_down_m = self._estimator, self._return_down_m
         if self._above_home:
-            return Setpoint(
-                position=(home[0], home[1], _NAN), velocity=(_NAN, _NAN, self._sink_rate(home)), yaw_rad=self._yaw_rad
-            )
+            return Setpoint(position=(home[0], home[1], self._sinking_down_m(home)), yaw_rad=self._yaw_rad)
         if return_down_m is not None and estimator.down_m > return_down_m + _ABOVE_HOME_M:
             return Setpoint(position=(self._hold[0], self._hold[1], return_down_m), yaw_rad=self._yaw_rad)
         self._return_down_m = None
@@ -141,6 +137,10 @@ class FlightTasks:
         down_m = min(home[2] - height_m, estimator.down_m)
         self._hold = (self._hold[0], self._hold[1], down_m)
         return down_m
+
+    def _sinking_down_m(self, home: tuple[float, float, float]) -> float:
+        """Height setpoint that keeps so far below the vehicle that it sinks at its landing speed, NED m."""
+        return self._estimator.down_m + self._sink_rate(home) / max(self._parameters["MPC_Z_P"], 0.1)
 
     def _sink_rate(self, home: tuple[float, float, float]) -> float:
         """MPC_LAND_SPEED below MPC_LAND_ALT2, MPC_Z_V_AUTO_DN above MPC_LAND_ALT1, linear between, m/s."""

@@ -76,6 +76,8 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
             mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self.gps_global_origin,
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self.autopilot_version,
+            mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: self.hil_state_quaternion,
+            mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: self.flight_information,
         }
 
     def heartbeat(self) -> mavlink.MAVLink_message:
@@ -143,7 +145,7 @@ class Telemetry:
         """ATTITUDE_QUATERNION, once the tilt is aligned."""
         if not self._autopilot.aligned:
             return None
-        w, x, y, z = self._quaternion()
+        w, x, y, z = self._quaternion(self._estimator.yaw_rad)
         return mavlink.MAVLink_attitude_quaternion_message(
             self._autopilot.boot_ms, w, x, y, z, 0.0, 0.0, self._vehicle.yaw_rate_rad_s
         )
@@ -154,7 +156,7 @@ class Telemetry:
         return mavlink.MAVLink_attitude_target_message(
             self._autopilot.boot_ms,
             0,
-            self._quaternion(),
+            self._quaternion(self._estimator.yaw_rad),
             0.0,
             0.0,
             self._vehicle.yaw_rate_rad_s,
@@ -258,7 +260,7 @@ class Telemetry:
             estimator.north_m,
             estimator.east_m,
             estimator.down_m,
-            self._quaternion(),
+            self._quaternion(self._estimator.yaw_rad),
             estimator.velocity_north_m_s,
             estimator.velocity_east_m_s,
             estimator.velocity_down_m_s,
@@ -423,14 +425,41 @@ class Telemetry:
             0x4954_4C55_4D49_0000 | self._autopilot.system_id,
         )
 
+    def hil_state_quaternion(self) -> mavlink.MAVLink_message:
+        """HIL_STATE_QUATERNION: the simulated truth, as PX4's simulator-in-hardware sends it on request."""
+        vehicle, origin = self._vehicle, self._autopilot.origin
+        latitude, longitude = (0.0, 0.0) if origin is None else origin.to_global(vehicle.north_m, vehicle.east_m)
+        return mavlink.MAVLink_hil_state_quaternion_message(
+            self._autopilot.boot_us,
+            self._quaternion(vehicle.yaw_rad),
+            0.0,
+            0.0,
+            vehicle.yaw_rate_rad_s,
+            round(latitude * 1e7),
+            round(longitude * 1e7),
+            round(1000.0 * self._altitude_m(vehicle.down_m)),
+            _centi(vehicle.velocity_north_m_s),
+            _centi(vehicle.velocity_east_m_s),
+            _centi(vehicle.velocity_down_m_s),
+            0,
+            0,
+            _centi(10.0 * vehicle.acceleration_north_m_s2 / GRAVITY_M_S2),
+            _centi(10.0 * vehicle.acceleration_east_m_s2 / GRAVITY_M_S2),
+            _centi(10.0 * vehicle.acceleration_down_m_s2 / GRAVITY_M_S2),
+        )
+
+    def flight_information(self) -> mavlink.MAVLink_message:
+        """FLIGHT_INFORMATION: flights are not counted."""
+        return mavlink.MAVLink_flight_information_message(self._autopilot.boot_ms, 0, 0, 0)
+
     def _altitude_m(self, down_m: float) -> float:
         origin = self._autopilot.origin
         return -down_m if origin is None else origin.altitude_m - down_m
 
-    def _quaternion(self) -> list[float]:
-        """Attitude, yaw as estimated: w, x, y, z."""
+    def _quaternion(self, yaw_rad: float) -> list[float]:
+        """Attitude: w, x, y, z."""
         roll, pitch = self._vehicle.attitude_rad
-        half_roll, half_pitch, half_yaw = 0.5 * roll, 0.5 * pitch, 0.5 * self._estimator.yaw_rad
+        half_roll, half_pitch, half_yaw = 0.5 * roll, 0.5 * pitch, 0.5 * yaw_rad
         cr, sr = math.cos(half_roll), math.sin(half_roll)
         cp, sp = math.cos(half_pitch), math.sin(half_pitch)
         cy, sy = math.cos(half_yaw), math.sin(half_yaw)
