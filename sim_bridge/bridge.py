@@ -16,13 +16,12 @@ from onboard.protocol import dialect as mavlink
 from onboard.protocol.team_messages import encode_detection
 from sim_bridge.autopilot.links import LinkName
 from sim_bridge.detector import Detector
-from sim_bridge.errors import BridgeError
 from sim_bridge.mocap import MotionCapture
 from sim_bridge.pacing import Pacer
 from sim_bridge.radio import Radio
 from sim_bridge.schedule import TIME_TOLERANCE_S
 from sim_bridge.seeding import Stream, generator
-from sim_bridge.world import World, build_world
+from sim_bridge.world import World, build_world, require_simulation
 
 __all__ = ["TRUTH_RATE_HZ", "Bridge", "Outgoing", "Port", "build_bridge"]
 
@@ -171,9 +170,7 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
         BridgeError: The scenario has no ``simulation`` section, an autopilot parameter that PX4 does not have, or
             ground robots that cannot be placed.
     """
-    simulation = scenario.simulation
-    if simulation is None:
-        raise BridgeError(f"scenario {scenario.name} has no section simulation: there is nothing to simulate")
+    simulation = require_simulation(scenario)
     seed = simulation.seed if seed is None else seed
     pacer = Pacer(simulation.physics_rate_hz, time_s)
     ids = [vehicle.id for vehicle in scenario.vehicles]

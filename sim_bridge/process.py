@@ -21,6 +21,7 @@ from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.bridge import Bridge, Port, build_bridge
 from sim_bridge.errors import BridgeError
 from sim_bridge.ports import Address, BridgePorts, find_ports
+from sim_bridge.world import require_simulation
 
 __all__ = ["BridgeProcess", "run_bridge"]
 
@@ -170,9 +171,7 @@ class BridgeProcess:
 
 
 async def _serve(scenario: Scenario, seed: int | None) -> int:
-    simulation = scenario.simulation
-    if simulation is None:
-        raise BridgeError(f"scenario {scenario.name} has no section simulation: there is nothing to simulate")
+    simulation = require_simulation(scenario)
     loop = asyncio.get_running_loop()
     stop = asyncio.Event()
     failures: list[BaseException | str] = []

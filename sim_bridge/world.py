@@ -9,6 +9,7 @@ from itertools import combinations
 from typing import Protocol
 
 from onboard.config import Scenario
+from onboard.config.simulation import SimulationConfig
 from onboard.protocol import dialect as mavlink
 from sim_bridge.arena import Arena
 from sim_bridge.autopilot import INDOOR_PARAMETERS, LinkName, ParameterError, SimulatedAutopilot
@@ -18,7 +19,15 @@ from sim_bridge.seeding import Stream, generator
 from sim_bridge.truth import TargetTruth, VehicleTruth
 from sim_bridge.vehicle.dynamics import Vehicle
 
-__all__ = ["AutopilotModel", "SetpointStatistics", "SimulatedVehicle", "VehicleModel", "World", "build_world"]
+__all__ = [
+    "AutopilotModel",
+    "SetpointStatistics",
+    "SimulatedVehicle",
+    "VehicleModel",
+    "World",
+    "build_world",
+    "require_simulation",
+]
 
 
 class VehicleModel(Protocol):
@@ -141,6 +150,17 @@ class World:
             separation[second.vehicle_id] = min(separation[second.vehicle_id], distance)
 
 
+def require_simulation(scenario: Scenario) -> SimulationConfig:
+    """The scenario's ``simulation`` section.
+
+    Raises:
+        BridgeError: It has none.
+    """
+    if scenario.simulation is None:
+        raise BridgeError(f"scenario {scenario.name} has no section simulation: there is nothing to simulate")
+    return scenario.simulation
+
+
 def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
     """The world of a scenario: vehicles at rest on their launch pads, ground robots at their starts.
 
@@ -153,9 +173,7 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
         BridgeError: The scenario has no ``simulation`` section, an autopilot parameter that PX4 does not have, or
             ground robots that cannot be placed.
     """
-    simulation = scenario.simulation
-    if simulation is None:
-        raise BridgeError(f"scenario {scenario.name} has no section simulation: there is nothing to simulate")
+    simulation = require_simulation(scenario)
     # Motion capture is the only source of positions, and the estimators know how late it is.
     parameters = {
         **INDOOR_PARAMETERS,
