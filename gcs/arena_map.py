@@ -46,13 +46,14 @@ class ArenaMap:
         ]
 
     def draw(self, team: TeamState) -> Text:
-        """The map: vehicles by their number, found targets ◆, targets not yet found ◇."""
+        """The map: vehicles by their number, the best estimate of each target ◆, where it is in truth ◇."""
         cells = [[(character, "bright_black") for character in row] for row in self._ground]
         for target in team.targets:
+            style = "yellow" if target.discovered_s is None else "green"
+            if target.truth is not None:
+                self._put(cells, *target.truth, "◇", style)
             if target.best is not None:
-                self._put(cells, target.best.north_m, target.best.east_m, "◆", "green")
-            elif target.truth is not None:
-                self._put(cells, *target.truth, "◇", "yellow")
+                self._put(cells, target.best.north_m, target.best.east_m, "◆", style)
         for vehicle in team.vehicles:
             if vehicle.north_m is not None and vehicle.east_m is not None:
                 style = f"bold {vehicle_style(self._index[vehicle.id])}"

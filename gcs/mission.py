@@ -17,9 +17,10 @@ from onboard.protocol.commands import Command
 
 __all__ = ["HURRIED", "UNHURRIED", "LandingPatience", "MissionDirector", "Phase"]
 
-_START_AGAIN_S = 3.0
 _START_SETTLES_S = 3.0
-_LAND_AGAIN_S = 3.0
+_AGAIN_S = 4.0
+"""Longer than a command takes to end unanswered: asking sooner would start its attempts afresh and hide the silence."""
+
 _LAND_MODE = "LAND"
 _READY = (FlightState.STANDBY, FlightState.LANDED)
 _COMING_DOWN = (FlightState.RETURN, FlightState.LAND, FlightState.LANDED)
@@ -135,7 +136,7 @@ class MissionDirector:
         """START to who has not taken it, while it can still be up by step 0."""
         if self.start_s is None or now_s >= self.start_s or vehicle.flight_state not in _READY:
             return []
-        if now_s - self._started_s.get(vehicle.id, -math.inf) < _START_AGAIN_S:
+        if now_s - self._started_s.get(vehicle.id, -math.inf) < _AGAIN_S:
             return []
         self._started_s[vehicle.id] = now_s
         return [start_command(vehicle.id, self.start_s)]
@@ -147,7 +148,7 @@ class MissionDirector:
         directly = is_dead or not vehicle.onboard_alive or now_s >= self._direct_from_s
         under_way = vehicle.mode == _LAND_MODE if directly else vehicle.flight_state in _COMING_DOWN
         to = (vehicle.id, AUTOPILOT if directly else ONBOARD)
-        if under_way or now_s - self._land_asked_s.get(to, -math.inf) < _LAND_AGAIN_S:
+        if under_way or now_s - self._land_asked_s.get(to, -math.inf) < _AGAIN_S:
             return []
         self._land_asked_s[to] = now_s
         return [land_command(*to)]

@@ -16,8 +16,11 @@ from sim_bridge.ports import find_ports
 __all__ = ["NeededPort", "PortInUseError", "check_free", "needed_ports"]
 
 
+_NAMED = 4
+
+
 class PortInUseError(GroundError):
-    """Ports that somebody else has; the text names them and whose they would have been."""
+    """Ports that somebody else has; the text names them and whose they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +68,7 @@ def check_free(needed: list[NeededPort]) -> None:
     """Make sure that all these ports can be bound.
 
     Raises:
-        PortInUseError: Some cannot; all are named.
+        PortInUseError: Some cannot; the first of them are named.
     """
     problems = []
     with contextlib.ExitStack() as stack:
@@ -78,5 +81,7 @@ def check_free(needed: list[NeededPort]) -> None:
                 reason = "is in use" if in_use else f"cannot be had: {error.strerror or error}"
                 problems.append(f"UDP port {port.port} ({port.owner}) {reason}")
     if problems:
+        if len(problems) > _NAMED:
+            problems[_NAMED:] = [f"and {len(problems) - _NAMED} more ports of this scenario"]
         hint = "Is a second copy running? Stop it, or give this scenario other ports (ground.url, vehicles[].links)."
         raise PortInUseError("\n".join([*problems, hint]))

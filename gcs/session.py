@@ -88,7 +88,8 @@ async def run_session(
         if director is None:
             display.show(team, "watching", None)
         else:
-            display.show(team, director.phase.value, director.time_left_s(now_s))
+            left_s = director.time_left_s(now_s) if director.landing_since_s is None else None
+            display.show(team, director.phase.value, left_s)
         reason = failed(team)
         if reason is not None:
             return reason
@@ -110,6 +111,6 @@ async def run_session(
 
 
 def _land_for(director: MissionDirector, station: GroundStation, now_s: float) -> None:
-    text = "stop: landing the team (once more to stop at once)"
+    text = "landing the team; once more stops at once"
     station.team.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "operator", text)
     director.land(now_s, HURRIED)

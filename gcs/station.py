@@ -98,7 +98,7 @@ class GroundStation:
                 self._codec.rejected += 1
                 continue
             source = _source(frame)
-            if source not in self._routes and source not in self._names and len(self._routes) >= self._route_limit:
+            if source not in self._routes and not self._admits(source):
                 continue
             self._routes[source] = address
             self._record(source, now_s, frame)
@@ -131,9 +131,9 @@ class GroundStation:
                 for warning in self._recorder.take_warnings():
                     self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "recorder", warning)
 
-    @property
-    def _route_limit(self) -> int:
-        return len(self._names) + _MAX_STRANGERS
+    def _admits(self, source: tuple[int, int]) -> bool:
+        """Whether a component heard for the first time is listened to."""
+        return source in self._names or len(self._routes.keys() - self._names.keys()) < _MAX_STRANGERS
 
     def _heartbeat(self, now_s: float) -> None:
         message = mavlink.MAVLink_heartbeat_message(

@@ -188,4 +188,4 @@ def _milli(value: float | None) -> float | None:
 
 
 def _shown(value: float | None, digits: int, unit: str = "") -> str:
-    return "–" if value is None else f"{value:.{digits}f}{unit}"
+    return "–" if value is None else f"{value:z.{digits}f}{unit}"

@@ -226,7 +226,7 @@ class TeamMonitor:
         misses = vehicle.deadline_misses
         vehicle.planner_status(message)
         if vehicle.deadline_misses > misses:
-            text = f"missed the planning deadline ({vehicle.deadline_misses} in all)"
+            text = f"a plan was late ({vehicle.deadline_misses} so far)"
             self.note(now_s, mavlink.MAV_SEVERITY_WARNING, f"vehicle {vehicle.id}", text)
 
     def _belief(self, message: mavlink.MAVLink_target_belief_message, vehicle: VehicleMonitor, now_s: float) -> None:
@@ -236,8 +236,8 @@ class TeamMonitor:
             self.rejected += 1
             return
         if target is not None:
-            count = len(self.metrics.discovered)
-            text = f"target {target} found by vehicle {vehicle.id} ({count} so far)"
+            total = f"/{self._simulation.ground_robots.count}" if self._simulation is not None else " so far"
+            text = f"target {target} found by vehicle {vehicle.id} ({len(self.metrics.discovered)}{total})"
             self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "team", text)
 
 

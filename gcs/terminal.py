@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
+import termios
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.columns import Columns
+from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -28,7 +30,9 @@ __all__ = ["LineDisplay", "LiveDisplay", "event_text", "open_display", "render_t
 _DRAW_PERIOD_S = 0.5
 _LINE_PERIOD_S = 5.0
 _MAP_COLUMNS, _MAP_ROWS = 48, 12
-_EVENT_LINES = 12
+_EVENT_LINES = 40
+_OTHER_LINES = 10
+"""Of the picture, besides one for each vehicle and those of the map and the events."""
 _LOW_BATTERY = 0.2
 _STATE_STYLES = {
     FlightState.TRACK: "green",
@@ -44,8 +48,26 @@ def open_display(console: Console, scenario: Scenario, title: str, *, headless: 
     if headless or not console.is_terminal:
         yield LineDisplay(console)
         return
-    with Live(console=console, auto_refresh=False, transient=True) as live:
+    with _no_control_echo(), Live(console=console, auto_refresh=False, transient=True) as live:
         yield LiveDisplay(live, scenario, title)
+
+
+@contextmanager
+def _no_control_echo() -> Iterator[None]:
+    """Keep the terminal from writing ^C into the picture."""
+    try:
+        fd = sys.stdin.fileno()
+        before = termios.tcgetattr(fd)
+    except (OSError, ValueError, termios.error):  # standard input is no terminal
+        yield
+        return
+    quiet = [*before]
+    quiet[3] &= ~termios.ECHOCTL
+    termios.tcsetattr(fd, termios.TCSANOW, quiet)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(fd, termios.TCSANOW, before)
 
 
 class LineDisplay:
@@ -96,7 +118,9 @@ class LiveDisplay:
         now_s = self._clock()
         if now_s >= self._next_s:
             self._next_s = now_s + _DRAW_PERIOD_S
-            picture = render_team(team, self._map, list(self._events), self._title, phase, time_left_s)
+            picture = render_team(
+                team, self._map, list(self._events), self._title, phase, time_left_s, self._live.console.height
+            )
             self._live.update(picture, refresh=True)
 
     def event(self, event: Event) -> None:
@@ -118,7 +142,7 @@ def progress_line(team: TeamState, phase: str, time_left_s: float | None) -> str
     for vehicle in team.vehicles:
         state = vehicle.flight_state.name if vehicle.flight_state is not None else "silent"
         misses = f" {vehicle.deadline_misses} late" if vehicle.deadline_misses else ""
-        parts.append(f"{vehicle.id}: {state} {vehicle.mode or '-'} {_number(vehicle.height_m, 1)} m{misses}")
+        parts.append(f"{vehicle.id}: {state} {vehicle.mode or '-'} {_number(vehicle.height_m, 1, ' m')}{misses}")
     return f"{time.strftime('%H:%M:%S', time.localtime(team.time_s))}  " + " | ".join(parts)
 
 
@@ -134,19 +158,48 @@ def event_text(event: Event) -> Text:
 
 
 def render_team(
-    team: TeamState, arena: ArenaMap, events: list[Event], title: str, phase: str, time_left_s: float | None
+    team: TeamState,
+    arena: ArenaMap,
+    events: list[Event],
+    title: str,
+    phase: str,
+    time_left_s: float | None,
+    height: int = 30,
 ) -> RenderableType:
-    """The whole picture: team, vehicles, map and events; made for 100 × 30 characters."""
-    map_panel = Panel(
-        arena.draw(team), title="north up · ◆ found  ◇ not yet", border_style="dim", width=arena.columns + 4
-    )
-    lines = Text("\n", no_wrap=True, overflow="ellipsis").join([event_text(event) for event in events[-arena.rows :]])
-    event_panel = Panel(lines, title="events", border_style="dim", height=arena.rows + 2)
+    """The whole picture: team, vehicles, map and events; made for 100 × 30 characters.
+
+    Args:
+        team: The team at this moment.
+        arena: Draws its map.
+        events: The latest last; those that do not fit are left out.
+        title: Stands on top.
+        phase: What the team is doing.
+        time_left_s: Until landing; None when there is no such time.
+        height: Of the terminal, lines.
+    """
+    rows = max(arena.rows, min(_EVENT_LINES, height - len(team.vehicles) - _OTHER_LINES))
+    arena_panel = Panel(arena.draw(team), title="◆ estimated  ◇ true", border_style="dim", width=arena.columns + 4)
+    lines = Text("\n", no_wrap=True, overflow="ellipsis").join([_short_event(event, team) for event in events[-rows:]])
+    event_panel = Panel(lines, title="events", border_style="dim", height=rows + 2)
     lower = Table.grid(expand=True)
     lower.add_column(width=arena.columns + 4)
     lower.add_column(ratio=1)
-    lower.add_row(map_panel, event_panel)
+    lower.add_row(arena_panel, event_panel)
     return Group(_headline(title, phase, time_left_s), _team_figures(team), _vehicle_table(team), lower)
+
+
+def _short_event(event: Event, team: TeamState) -> Text:
+    """An event in the picture: a vehicle is its number in its colour."""
+    text = event_text(event)
+    if event.source == "team":
+        return Text.assemble(text[: len("HH:MM:SS ")], text[len("HH:MM:SS  team: ") :])
+    for i, vehicle in enumerate(team.vehicles):
+        if event.source == f"vehicle {vehicle.id}":
+            stamp = text[: len("HH:MM:SS ")]
+            return Text.assemble(
+                stamp, (f"{vehicle.id} ", f"bold {vehicle_style(i)}"), text[len(stamp) + len(event.source) + 3 :]
+            )
+    return text
 
 
 def _headline(title: str, phase: str, time_left_s: float | None) -> RenderableType:
@@ -162,39 +215,53 @@ def _headline(title: str, phase: str, time_left_s: float | None) -> RenderableTy
 def _team_figures(team: TeamState) -> RenderableType:
     total = "?" if team.target_count is None else str(team.target_count)
     figures = team.figures
-    return Columns(
-        [
-            Text.assemble(("targets ", "dim"), (f"{team.discovered}/{total}", "bold")),
-            Text.assemble(("RMSE ", "dim"), (f"{_number(figures.rmse_now_m, 2)} m", "bold")),
-            Text.assemble(("entropy ", "dim"), (f"{_number(figures.entropy_now_nats, 2)} nats", "bold")),
-            Text.assemble(
-                ("means ", "dim"), f"{_number(figures.rmse_m, 2)} m, {_number(figures.entropy_nats, 2)} nats"
-            ),
-            Text("Ctrl-C lands the team", style="dim"),
-        ],
-        expand=True,
+    line = Table.grid(expand=True)
+    line.add_column()
+    line.add_column(justify="center")
+    line.add_column(justify="center")
+    line.add_column(justify="right")
+    line.add_row(
+        Text.assemble(("targets ", "dim"), (f"{team.discovered} of {total}", "bold")),
+        Text.assemble(
+            ("RMSE ", "dim"), (_number(figures.rmse_now_m, 2, " m"), "bold"), f"  mean {_number(figures.rmse_m, 2)}"
+        ),
+        Text.assemble(
+            ("entropy ", "dim"),
+            (_number(figures.entropy_now_nats, 2, " nats"), "bold"),
+            f"  mean {_number(figures.entropy_nats, 2)}",
+        ),
+        Text("Ctrl-C lands the team", style="dim"),
     )
+    return line
 
 
 def _vehicle_table(team: TeamState) -> Table:
-    table = Table(expand=True, header_style="dim", border_style="dim", pad_edge=False)
+    table = Table(box=SIMPLE_HEAD, expand=True, header_style="dim", pad_edge=False, collapse_padding=True)
     for name in ("", "state", "mode"):
         table.add_column(name, no_wrap=True)
-    for name in ("battery", "height", "plan age", "planned in", "late", "setpoints", "off track"):
+    for name in (
+        "battery\n%",
+        "height\nm",
+        "plan age\ns",
+        "plan ms\nof budget",
+        "late",
+        "setpoints\nHz",
+        "off track\nm",
+    ):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("hears", no_wrap=True)
+    table.add_column("hears", justify="right", no_wrap=True)
     for i, vehicle in enumerate(team.vehicles):
         table.add_row(
             Text(str(vehicle.id), style=f"bold {vehicle_style(i)}"),
             _state_cell(vehicle),
             Text(vehicle.mode or "–", style="" if vehicle.autopilot_alive else "red"),
             _battery_cell(vehicle.battery),
-            f"{_number(vehicle.height_m, 2)} m",
-            f"{_number(vehicle.plan_age_s, 1)} s",
+            _number(vehicle.height_m, 2),
+            _number(vehicle.plan_age_s, 1),
             _planning_cell(vehicle),
             Text(str(vehicle.deadline_misses), style="red" if vehicle.deadline_misses else ""),
-            f"{_number(vehicle.setpoint_rate_hz, 0)} Hz",
-            f"{_number(vehicle.tracking_error_m, 2)} m",
+            _number(vehicle.setpoint_rate_hz, 0),
+            _number(vehicle.tracking_error_m, 2),
             " ".join(map(str, vehicle.neighbours)) or "–",
         )
     return table
@@ -211,14 +278,14 @@ def _state_cell(vehicle: VehicleState) -> Text:
 def _battery_cell(battery: float | None) -> Text:
     if battery is None:
         return Text("–")
-    return Text(f"{100 * battery:.0f} %", style="red" if battery < _LOW_BATTERY else "")
+    return Text(f"{100 * battery:.0f}", style="red" if battery < _LOW_BATTERY else "")
 
 
 def _planning_cell(vehicle: VehicleState) -> str:
     if vehicle.planning_time_s is None or vehicle.planning_budget_s is None:
         return "–"
-    return f"{1e3 * vehicle.planning_time_s:.0f}/{1e3 * vehicle.planning_budget_s:.0f} ms"
+    return f"{1e3 * vehicle.planning_time_s:.0f} of {1e3 * vehicle.planning_budget_s:.0f}"
 
 
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
+def _number(value: float | None, digits: int, unit: str = "") -> str:
+    return "–" if value is None else f"{value:z.{digits}f}{unit}"

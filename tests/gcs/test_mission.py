@@ -111,7 +111,7 @@ def test_start_goes_again_to_who_has_not_taken_it_but_not_after_step_0():
     director = MissionDirector(0.5, 8.0, 120.0)
     director.update(team(T0, vehicle(1), vehicle(2)))
     assert director.update(team(T0 + 1.0, flying(1, FlightState.ARM), vehicle(2))) == []
-    again = director.update(team(T0 + 3.1, flying(1, FlightState.TAKEOFF), vehicle(2)))
+    again = director.update(team(T0 + 4.1, flying(1, FlightState.TAKEOFF), vehicle(2)))
     assert asked(again) == [(2, ONBOARD, START)]
     assert again[0].x == director.start_s
     assert director.update(team(T0 + 8.5, flying(1), vehicle(2))) == []
@@ -125,7 +125,7 @@ def test_landing_at_the_end_asks_the_onboard_processes_until_they_return():
     assert asked(director.update(team(end_s, flying(1), flying(2)))) == [(1, ONBOARD, LAND), (2, ONBOARD, LAND)]
     assert director.landing_since_s == end_s
     assert director.update(team(end_s + 1.0, flying(1, FlightState.RETURN), flying(2))) == []
-    assert asked(director.update(team(end_s + 3.1, flying(1, FlightState.RETURN), flying(2)))) == [(2, ONBOARD, LAND)]
+    assert asked(director.update(team(end_s + 4.1, flying(1, FlightState.RETURN), flying(2)))) == [(2, ONBOARD, LAND)]
     assert director.update(team(end_s + 9.0, flying(1, FlightState.LAND), landed(2))) == []
     assert director.phase is Phase.LANDING
     assert director.update(team(end_s + 15.0, landed(1), landed(2))) == []
@@ -140,7 +140,7 @@ def test_who_has_lost_its_onboard_process_is_landed_by_its_autopilot(known):
     commands = director.update(team(T0 + 20.0, flying(1), orphan), frozenset({2}) if known else frozenset())
     assert asked(commands) == [(1, ONBOARD, LAND), (2, AUTOPILOT, LAND)]
     lands = replace(orphan, mode="LAND")
-    later = director.update(team(T0 + 24.0, flying(1, FlightState.RETURN), lands), frozenset({2}))
+    later = director.update(team(T0 + 25.0, flying(1, FlightState.RETURN), lands), frozenset({2}))
     assert later == []
 
 

@@ -74,7 +74,7 @@ def test_rmse_through_the_wire(team, heard):
 def test_a_discovery_is_told_once(team, heard, texts):
     team.receive(heard(3, ONBOARD, belief(T0)), T0)
     team.receive(heard(1, ONBOARD, belief(T0 + 0.5)), T0)
-    assert texts() == [("team", "target 3 found by vehicle 3 (1 so far)")]
+    assert texts() == [("team", "target 3 found by vehicle 3 (1/5)")]
     assert team.state(T0).discovered == 1
 
 
@@ -111,7 +111,7 @@ def test_mode_changes_misses_and_texts_are_events(team, heard, heartbeat, status
     team.receive(heard(1, AUTOPILOT, mavlink.MAVLink_statustext_message(4, b"Failsafe\x1b[2J activated")), T0)
     assert texts() == [
         ("vehicle 1", "mode OFFBOARD → POSCTL"),
-        ("vehicle 1", "missed the planning deadline (2 in all)"),
+        ("vehicle 1", "a plan was late (2 so far)"),
         ("vehicle 1", "Failsafe·[2J activated"),
     ]
     assert team.state(T0).vehicle(1).status_text == "Failsafe·[2J activated"
