@@ -95,7 +95,7 @@ class SimulatedAutopilot:
         self.parameters = ParameterStore({"MAV_SYS_ID": system_id, **parameters})
         self.estimator = Estimator(vehicle, rng)
         self.vision = ExternalVision(self.parameters, self.estimator)
-        self.gps = Gps(self.parameters, vehicle, rng)
+        self.gps = Gps(self.parameters, vehicle, self.estimator, rng)
         self.battery = Battery()
         self.offboard = OffboardInput()
         self.commander = Commander(self.parameters, self.say)
@@ -194,7 +194,7 @@ class SimulatedAutopilot:
         self.time_s = time_s
         self.estimator.predict(time_s, dt_s)
         if self.gps.enabled and self.aligned and not self.vision.active(time_s):
-            self._fuse_gps(time_s)
+            self.gps.step(time_s)
         self.commander.step(time_s, self.health(), landed=self._land_detector.landed)
         if self.commander.armed:
             command = self._fly(time_s)
@@ -271,12 +271,6 @@ class SimulatedAutopilot:
             self._tasks.set_takeoff_down(None)
         else:
             self._tasks.set_takeoff_down((0.0 if self.origin is None else self.origin.altitude_m) - altitude_m)
-
-    def _fuse_gps(self, time_s: float) -> None:
-        position = self.gps.poll(time_s)
-        if position is not None:
-            self.estimator.correct_position(time_s, position, 0.0, None)
-            self.estimator.correct_yaw(time_s, self.vehicle.yaw_rad)
 
     def _idle(self, time_s: float) -> None:
         self.setpoint = IDLE

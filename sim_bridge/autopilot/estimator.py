@@ -17,7 +17,7 @@ import numpy as np
 from onboard.geometry import wrap_angle
 from sim_bridge.vehicle import Vehicle
 
-__all__ = ["POSITION_TIMEOUT_S", "Estimator"]
+__all__ = ["GPS_RATE_RAD_S", "POSITION_TIMEOUT_S", "VISION_RATE_RAD_S", "Estimator"]
 
 POSITION_TIMEOUT_S = 4.65
 """Without a position for this long the estimate is invalid (EKF2_NOAID_TOUT, as it shows from outside)."""
@@ -26,8 +26,13 @@ ACCELEROMETER_ERROR_STD_M_S2 = 0.2
 ACCELEROMETER_ERROR_TIME_CONSTANT_S = 20.0
 GYRO_ERROR_STD_RAD_S = 0.003
 
+VISION_RATE_RAD_S = 5.0
+"""Observer poles for motion capture."""
+
+GPS_RATE_RAD_S = 1.0
+"""Observer poles for GPS, whose position wanders."""
+
 _MAX_INTERVAL_S = 0.1
-_OBSERVER_RATE_RAD_S = 5.0
 _YAW_GAIN_PER_S = 4.0
 _VELOCITY_GAIN_PER_S = 8.0
 
@@ -49,8 +54,7 @@ class _Axis:
         self.true_velocity = true_velocity
         self.position += dt_s * self.velocity
 
-    def correct(self, innovation: float, interval_s: float) -> None:
-        rate = _OBSERVER_RATE_RAD_S
+    def correct(self, innovation: float, interval_s: float, rate: float) -> None:
         gain = rate * interval_s * innovation
         self.position += 3.0 * gain
         self.velocity += 3.0 * rate * gain
@@ -141,15 +145,22 @@ class Estimator:
         self._down.predict(dt_s, vehicle.velocity_down_m_s)
 
     def correct_position(
-        self, time_s: float, position: tuple[float, float, float], delay_s: float, velocity: tuple[float, ...] | None
+        self,
+        time_s: float,
+        position: tuple[float, float, float],
+        velocity: tuple[float, float, float] | None,
+        *,
+        rate_rad_s: float,
+        delay_s: float = 0.0,
     ) -> None:
         """Fuse a position.
 
         Args:
             time_s: Now, s.
             position: North m, east m, down m.
-            delay_s: Its age that is known to the autopilot (EKF2_EV_DELAY), s.
             velocity: North, east, down m/s if the source gives it and it is to be fused.
+            rate_rad_s: How much the source is trusted: the observer's poles, rad/s.
+            delay_s: Its age that is known to the autopilot (EKF2_EV_DELAY), s.
         """
         interval_s = time_s - self._fused_s
         anew = interval_s > POSITION_TIMEOUT_S
@@ -164,7 +175,7 @@ class Estimator:
                 )[i]
                 continue
             step_s = min(interval_s, _MAX_INTERVAL_S)
-            axis.correct(measured - axis.position, step_s)
+            axis.correct(measured - axis.position, step_s, rate_rad_s)
             if velocity is not None:
                 axis.velocity += min(_VELOCITY_GAIN_PER_S * step_s, 1.0) * (velocity[i] - axis.velocity)
         self._fused_s = time_s

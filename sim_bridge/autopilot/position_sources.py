@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from onboard.protocol import dialect as mavlink
-from sim_bridge.autopilot.estimator import Estimator
+from sim_bridge.autopilot.estimator import GPS_RATE_RAD_S, VISION_RATE_RAD_S, Estimator
 from sim_bridge.autopilot.parameters import ParameterStore
 from sim_bridge.vehicle import Vehicle
 
@@ -29,6 +29,7 @@ _BODY = mavlink.MAV_FRAME_BODY_FRD
 
 GPS_INTERVAL_S = 0.1
 GPS_ERROR_STD_M = 0.2
+GPS_VELOCITY_STD_M_S = 0.05
 GPS_ERROR_TIME_CONSTANT_S = 60.0
 
 _VISION_TIMEOUT_S = 1.0
@@ -85,26 +86,30 @@ class ExternalVision:
             velocity = None
         self._received_s = time_s
         delay_s = 1e-3 * self._parameters["EKF2_EV_DELAY"]
-        self._estimator.correct_position(time_s, position, delay_s, velocity)
+        self._estimator.correct_position(time_s, position, velocity, rate_rad_s=VISION_RATE_RAD_S, delay_s=delay_s)
         if control & _YAW and math.isfinite(yaw_rad):
             self._estimator.correct_yaw(time_s, yaw_rad)
 
 
 class Gps:
-    """A receiver whose error wanders slowly. It is not fused while motion capture is.
+    """A receiver whose position wanders slowly and whose velocity is noisy. Not fused while motion capture is.
 
     Args:
         parameters: SYS_HAS_GPS and EKF2_GPS_CTRL switch it on.
         vehicle: Whose position.
-        rng: Source of its error.
+        estimator: Where it is fused.
+        rng: Source of its errors.
 
     Attributes:
         position: What it says: north m, east m, down m.
     """
 
-    def __init__(self, parameters: ParameterStore, vehicle: Vehicle, rng: np.random.Generator) -> None:
+    def __init__(
+        self, parameters: ParameterStore, vehicle: Vehicle, estimator: Estimator, rng: np.random.Generator
+    ) -> None:
         self._parameters = parameters
         self._vehicle = vehicle
+        self._estimator = estimator
         self._rng = rng
         self._next_s = -math.inf
         self._keep = math.exp(-GPS_INTERVAL_S / GPS_ERROR_TIME_CONSTANT_S)
@@ -116,14 +121,20 @@ class Gps:
         """Whether there is a receiver that is fused."""
         return self._parameters["SYS_HAS_GPS"] != 0 and self._parameters["EKF2_GPS_CTRL"] != 0
 
-    def poll(self, time_s: float) -> tuple[float, float, float] | None:
-        """A new position ten times a second: north m, east m, down m."""
+    def step(self, time_s: float) -> None:
+        """Measure and fuse ten times a second; heading comes from the compass, which is perfect here."""
         if time_s < self._next_s:
-            return None
+            return
         self._next_s = time_s + GPS_INTERVAL_S
         kick = GPS_ERROR_STD_M * math.sqrt(1.0 - self._keep**2)
-        noise = self._rng.standard_normal(3).tolist()
-        self._error = [self._keep * error + kick * value for error, value in zip(self._error, noise, strict=True)]
+        noise = self._rng.standard_normal(6).tolist()
+        self._error = [self._keep * error + kick * value for error, value in zip(self._error, noise[:3], strict=True)]
         vehicle, error = self._vehicle, self._error
         self.position = (vehicle.north_m + error[0], vehicle.east_m + error[1], vehicle.down_m + error[2])
-        return self.position
+        velocity = (
+            vehicle.velocity_north_m_s + GPS_VELOCITY_STD_M_S * noise[3],
+            vehicle.velocity_east_m_s + GPS_VELOCITY_STD_M_S * noise[4],
+            vehicle.velocity_down_m_s + GPS_VELOCITY_STD_M_S * noise[5],
+        )
+        self._estimator.correct_position(time_s, self.position, velocity, rate_rad_s=GPS_RATE_RAD_S)
+        self._estimator.correct_yaw(time_s, vehicle.yaw_rad)
