@@ -23,19 +23,19 @@ __all__ = ["lower_bounds"]
 
 
 @entry_kernel
-def lower_bounds(problem: PackedProblem, scratch: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The least ``log det Σ_t`` that any plan can reach at each step, shape (T + 1,), 0 at step 0.
+def lower_bounds(problem: PackedProblem, scratch: NDArray[np.float64], bounds: NDArray[np.float64]) -> None:
+    """The least ``log det Σ_t`` that any plan can reach at each step 1..T.
 
     Args:
         problem: The problem.
         scratch: (2, L) memory for two rows.
+        bounds: (T + 1,) receives them; its first entry is not touched.
     """
     blocks = problem.blocks
-    bounds = np.zeros(problem.horizon + 1)
     for k in range(scratch.shape[1]):
         scratch[0, k] = blocks.prior[0, k]
     for step in range(1, problem.horizon + 1):
-        predict_row(blocks, scratch, 0, step, scratch[1])
+        predict_row(blocks, scratch, np.int64(0), step, scratch[1])
         for block in range(blocks.n4 + blocks.n2):
             away = math.hypot(
                 blocks.means[step, block, 0] - problem.start[0], blocks.means[step, block, 1] - problem.start[1]
@@ -48,4 +48,3 @@ def lower_bounds(problem: PackedProblem, scratch: NDArray[np.float64]) -> NDArra
         bounds[step] = log_determinant(scratch[1], blocks.n4, blocks.n2)
         for k in range(scratch.shape[1]):
             scratch[0, k] = scratch[1, k]
-    return bounds

@@ -60,7 +60,7 @@ def predict_row(blocks: PackedBlocks, rows: NDArray[np.float64], row: int, step:
                 add_information(out, block_offset(blocks, block), block < blocks.n4, m11, m12, m22)
 
 
-@kernel
+@inlined_kernel
 def look_from(
     blocks: PackedBlocks, sensor: PackedSensor, step: int, north: float, east: float, yaw: float,
     packed: NDArray[np.float64],
@@ -83,7 +83,7 @@ def _find_near(
     near: NDArray[np.float64],
 ) -> int:  # fmt: skip
     """List the blocks that any child may see."""
-    count = 0
+    count = np.int64(0)
     for block in range(blocks.n4 + blocks.n2):
         dn, de = blocks.means[step, block, 0] - north, blocks.means[step, block, 1] - east
         if dn * dn + de * de < reach * reach:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
+
+import numpy as np
 
 from onboard.planning.clock import now_s
 from onboard.planning.crossing import (
@@ -22,7 +25,7 @@ from onboard.planning.jit import inlined_kernel, kernel
 from onboard.planning.ordering import next_in_order, start_order
 from onboard.planning.packing import PackedProblem
 from onboard.planning.redundancy import exceeds
-from onboard.planning.tree import COST, EAST, GENERATED, LOG_DET, NODES, NORTH, ROW, ROWS, STAMP, YAW, Tree
+from onboard.planning.tree import COST, EAST, EXPANDED, GENERATED, LOG_DET, NODES, NORTH, ROW, ROWS, STAMP, YAW, Tree
 
 __all__ = ["BOUND", "COMPLETE", "STOPPED", "UNLIMITED", "Limits", "Pass", "improve_path"]
 
@@ -38,16 +41,20 @@ STOPPED = 2
 
 _CLOCK_EVERY = 16
 _OUTLOOK = 0.5
+_CAUTION = 0.9
+_WORTHWHILE = 32  # a pass that could add less than this part of the tree is not begun
 
 
 class Limits(NamedTuple):
     """What ends a search.
 
     Attributes:
-        deadline_s: Instant on the clock of ``time.perf_counter``, s; ∞ for none.
+        start_s: When the search began, on the clock of ``time.perf_counter``, s.
+        deadline_s: When it must end, on the same clock, s; ∞ for no deadline.
         nodes: Successors that may be generated.
     """
 
+    start_s: float
     deadline_s: float
     nodes: int
 
@@ -74,7 +81,7 @@ class Pass(NamedTuple):
     yaw_weight: float
 
 
-@kernel
+@inlined_kernel
 def improve_path(problem: PackedProblem, tree: Tree, parameters: Pass, limits: Limits) -> int:
     """Expand what is open and not closed, level by level, and open what (ε, δ, W) asks for.
 
@@ -83,6 +90,9 @@ def improve_path(problem: PackedProblem, tree: Tree, parameters: Pass, limits: L
     """
     number = parameters.number
     outcome = COMPLETE
+    paced = parameters.width < UNLIMITED and number > 0
+    if paced and _allowance(problem, tree, limits, 1) < max(problem.horizon, tree.counters[EXPANDED] // _WORTHWHILE):
+        return STOPPED
     for step in range(1, problem.horizon + 1):
         tree.node_runs[number, step, 0] = tree.counters[NODES]
         finished = _expand_run(problem, tree, number, step, limits)
@@ -92,7 +102,10 @@ def improve_path(problem: PackedProblem, tree: Tree, parameters: Pass, limits: L
         if step == problem.horizon:
             break
         tree.row_runs[number, step, 0] = tree.counters[ROWS]
-        opened = _open_level(problem, tree, parameters, step, limits.deadline_s)
+        allowance = UNLIMITED
+        if paced:
+            allowance = _allowance(problem, tree, limits, problem.horizon - step)
+        opened = _open_level(problem, tree, parameters, allowance, step, limits.deadline_s)
         tree.row_runs[number, step, 1] = tree.counters[ROWS]
         if opened == STOPPED:
             return STOPPED
@@ -112,6 +125,23 @@ def _expand_run(problem: PackedProblem, tree: Tree, number: int, step: int, limi
             return False
         expand(problem, tree, row, step)
     return True
+
+
+@inlined_kernel
+def _allowance(problem: PackedProblem, tree: Tree, limits: Limits, levels: int) -> int:
+    """How many nodes a limited pass may open at a level, so that what is left also pays for the levels after it.
+
+    Without it the last pass would be cut off half way, with nothing to show for its work. Its price is that W is
+    smaller in the last pass.
+    """
+    primitives = problem.motions.shape[0]
+    rows = min(limits.nodes - tree.counters[GENERATED], len(tree.nodes) - tree.counters[NODES]) // primitives
+    rows = min(rows, len(tree.rows) - tree.counters[ROWS])
+    if limits.deadline_s < math.inf:
+        now = now_s(tree.order.timespec)
+        seconds_per_row = (now - limits.start_s) / tree.counters[EXPANDED]
+        rows = min(rows, np.int64(_CAUTION * max(limits.deadline_s - now, 0.0) / seconds_per_row))
+    return rows // levels
 
 
 @inlined_kernel
@@ -165,7 +195,9 @@ def _is_redundant(problem: PackedProblem, tree: Tree, grid: Grid, node: int, row
 
 
 @kernel
-def _open_level(problem: PackedProblem, tree: Tree, parameters: Pass, step: int, deadline_s: float) -> int:
+def _open_level(
+    problem: PackedProblem, tree: Tree, parameters: Pass, allowance: int, step: int, deadline_s: float
+) -> int:
     """Lines 8–14 of Algorithm 2 for one level: open its best node and all that are not redundant, best first."""
     number, width = parameters.number, parameters.width
     limited = width < UNLIMITED
@@ -182,7 +214,7 @@ def _open_level(problem: PackedProblem, tree: Tree, parameters: Pass, step: int,
         for earlier in range(number):
             for row in range(tree.row_runs[earlier, step, 0], tree.row_runs[earlier, step, 1]):
                 insert_row(tree, grid, row)
-    outcome, kept = COMPLETE, 0
+    outcome, kept, opened = COMPLETE, 0, 0
     start_order(tree.order, count)
     for position in range(count):
         if kept >= width:
@@ -204,12 +236,15 @@ def _open_level(problem: PackedProblem, tree: Tree, parameters: Pass, step: int,
         if tree.links[node, ROW] < 0:
             if tree.counters[ROWS] >= len(tree.rows):
                 return STOPPED
+            if opened >= allowance:
+                return BOUND
             row = open_node(problem, tree, node, step)
             if parameters.prune and _is_redundant(problem, tree, grid, node, row, parameters.epsilon):
                 continue
             tree.links[node, ROW] = row
             tree.row_nodes[row] = node
             tree.counters[ROWS] = row + 1
+            opened += 1
             if parameters.prune:
                 insert_row(tree, grid, row)
         kept += 1

@@ -30,12 +30,12 @@ def kernel(function: Function) -> Function:
 
     No fast-math: IEEE arithmetic in the written order gives the same plan on every machine.
     """
-    return cast(Function, njit(nogil=True, error_model="numpy")(function))
+    return cast(Function, njit(nogil=True, _nrt=False, error_model="numpy")(function))
 
 
 def inlined_kernel(function: Function) -> Function:
     """A kernel that becomes part of its caller: it is compiled once and not also by itself."""
-    return cast(Function, njit(nogil=True, error_model="numpy", inline="always")(function))
+    return cast(Function, njit(nogil=True, _nrt=False, error_model="numpy", inline="always")(function))
 
 
 def entry_kernel(function: Function) -> Function:
@@ -45,6 +45,6 @@ def entry_kernel(function: Function) -> Function:
     go on running old code after a change in a kernel that this one calls. So the stamp is replaced by a digest of all
     of the planner's sources.
     """
-    dispatcher = njit(nogil=True, error_model="numpy", cache=True)(function)
+    dispatcher = njit(nogil=True, _nrt=False, error_model="numpy", cache=True)(function)
     dispatcher._cache._cache_file._source_stamp = source_digest()
     return cast(Function, dispatcher)

@@ -65,12 +65,15 @@ class Planner:
         start_s: float,
     ) -> Plan:
         tree = self._workspace.tree_for(packed)
-        lower = float(lower_bounds(packed, np.empty((2, packed.blocks.prior.shape[1]))).sum())
+        bounds = np.zeros(packed.horizon + 1)
+        lower_bounds(packed, np.empty((2, packed.blocks.prior.shape[1])), bounds)
+        lower = float(bounds.sum())
         limits = Limits(
+            start_s,
             math.inf if budget.deadline_s is None else float(budget.deadline_s) - _RESERVE_S,
             UNLIMITED if budget.nodes is None else int(budget.nodes),
         )
-        passes, outcome = run_schedule(packed, tree, schedule, prune, float(self.yaw_weight), start_s, limits)
+        passes, outcome = run_schedule(packed, tree, schedule, prune, float(self.yaw_weight), limits)
         return _plan_from(problem, tree, passes, outcome, lower, start_s)
 
 

@@ -21,7 +21,6 @@ def run_schedule(
     schedule: NDArray[np.float64],
     prune: bool,
     yaw_weight: float,
-    start_s: float,
     limits: Limits,
 ) -> tuple[int, int]:
     """Run passes of ImprovePath one after another.
@@ -34,12 +33,12 @@ def run_schedule(
         schedule: (P, 4) ε, δ (m), W (∞ for no limit) and quota of each pass.
         prune: False opens every node (FVI).
         yaw_weight: ℓ of the δ-crossing metric, m/rad.
-        start_s: When the search began.
         limits: What ends it.
 
     Returns:
         How many passes came to their end, and the outcome of the last one that was begun.
     """
+    first = Limits(limits.start_s, np.inf, tree.nodes.shape[0])
     outcome = STOPPED
     for number in range(schedule.shape[0]):
         epsilon, delta, width = schedule[number, 0], schedule[number, 1], schedule[number, 2]
@@ -47,12 +46,10 @@ def run_schedule(
             number, prune, epsilon, delta,
             int(width) if width < float(UNLIMITED) else UNLIMITED, int(schedule[number, 3]), yaw_weight,
         )  # fmt: skip
-        outcome = improve_path(
-            problem, tree, step_pass, Limits(np.inf, tree.nodes.shape[0]) if number == 0 and width == 1.0 else limits
-        )
+        outcome = improve_path(problem, tree, step_pass, first if number == 0 and width == 1.0 else limits)
         if outcome == STOPPED:
             return number, outcome
-        tree.passes[number, 0] = now_s(tree.order.timespec) - start_s
+        tree.passes[number, 0] = now_s(tree.order.timespec) - limits.start_s
         tree.passes[number, 1] = tree.best[0]
         tree.passes[number, 2] = epsilon
         tree.passes[number, 3] = delta
