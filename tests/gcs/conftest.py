@@ -76,10 +76,11 @@ def status() -> Callable[..., mavlink.MAVLink_message]:
 
 @pytest.fixture
 def own_ports(tmp_path: Path) -> Path:
-    """The lab on UDP ports of its own, with a second to take off: a test may run beside a real flight."""
+    """Two of the lab's vehicles on UDP ports of their own: a test may run beside a real flight."""
     data = yaml.safe_load(LAB.read_text(encoding="utf-8"))
     base = _free_base()
     data["name"] = "own-ports"
+    del data["vehicles"][2:]
     data["mission"]["takeoff_time_s"] = 1.0
     data["ground"] = {"url": f"udpin:127.0.0.1:{base}"}
     for i, vehicle in enumerate(data["vehicles"]):
