@@ -6,6 +6,7 @@ Heavy parts (kernels, the MAVLink dialect) are imported inside the commands, so 
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -19,7 +20,7 @@ __all__ = ["app", "main"]
 
 EXIT_BAD_INPUT = 2
 
-Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Scenario file, e.g. configs/lab.yaml.")]
+Config = Annotated[Path, typer.Argument(help="Scenario file, e.g. configs/lab.yaml.")]
 Record = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Record every link as .tlog, and all logs, in a new folder in DIR.")
 ]
@@ -41,13 +42,19 @@ def main() -> None:
     app()
 
 
-@app.callback()
-def _options(
-    version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False,
-) -> None:
-    if version:
+def _print_version(wanted: bool) -> None:
+    if wanted:
         typer.echo(f"arvi {_version()}")
         raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_version)
+    ] = False,
+) -> None:
+    """Options of the command itself, before any subcommand."""
 
 
 @app.command()
@@ -66,14 +73,16 @@ def fly(
 
     **Examples**
 
-    - `arvi fly configs/lab.yaml` two minutes with a live picture
+    - `arvi fly configs/lab.yaml`: two minutes with a live picture
 
-    - `arvi fly configs/lab.yaml --duration 60 --seed 7 --headless --json result.json` for scripts
+    - `arvi fly configs/lab.yaml --duration 60 --seed 7 --headless --json result.json`: for scripts
 
-    - `arvi fly configs/lab.yaml --record flights` keeps .tlog files for QGroundControl or MAVProxy
+    - `arvi fly configs/lab.yaml --record flights`: keeps .tlog files for QGroundControl or MAVProxy
 
     Exits with 0 when all landed, 1 when something failed in flight, 2 for bad input or ports in use.
     """
+    if math.isnan(duration):
+        _refuse("--duration nan: a time in seconds is needed, or inf to fly until Ctrl-C")
     scenario = _load(config)
     if json is not None and not json.parent.is_dir():
         _refuse(f"--json {json}: the folder {json.parent} does not exist")
@@ -133,9 +142,9 @@ def gcs(
 
     **Examples**
 
-    - `arvi gcs configs/lab.yaml` watches
+    - `arvi gcs configs/lab.yaml`: watches
 
-    - `arvi gcs configs/lab.yaml --start --duration 120 --record flights` flies the team
+    - `arvi gcs configs/lab.yaml --start --duration 120 --record flights`: flies the team
     """
     if duration is not None and not start:
         _refuse("--duration needs --start: a station that only watches does not end a flight")
@@ -147,7 +156,7 @@ def gcs(
 
 @app.command()
 def check(
-    configs: Annotated[list[Path], typer.Argument(metavar="CONFIG...", help="Scenario files.")],
+    configs: Annotated[list[Path], typer.Argument(help="Scenario files.")],
 ) -> None:
     """Validate scenarios: every mistake with its line, key and what is allowed, or a summary of what is flown.
 

@@ -1,0 +1,154 @@
+"""The picture and the lines, as text of a given size."""
+
+import io
+
+import pytest
+from rich.console import Console
+from rich.live import Live
+
+from gcs.arena_map import ArenaMap
+from gcs.metrics import Estimate, MetricsFigures, TargetState
+from gcs.team import Event, TeamMonitor, TeamState
+from gcs.terminal import LineDisplay, LiveDisplay, open_display, render_team
+from onboard.messages import FlightState
+from onboard.protocol import dialect as mavlink
+
+T0 = 1.5e9
+
+
+@pytest.fixture
+def team(scenario, heard, heartbeat, status):
+    """Three vehicles in flight; target 1 found, target 2 not."""
+    monitor = TeamMonitor(scenario)
+    for i, (north, east) in enumerate(((0.1, 0.1), (3.9, 7.9), (2.0, 4.0)), 1):
+        monitor.receive(heard(i, 1, heartbeat(armed=True, mode=0x00060000)), T0)
+        monitor.receive(heard(i, 191, mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)), T0)
+        for step in range(3):
+            message = status(
+                T0 + 0.5 * step,
+                state=FlightState.TRACK,
+                north=north,
+                east=east,
+                down=-1.0,
+                setpoints=25 * step,
+                plan_age=0.25,
+                tracking_error=0.125,
+                neighbours=[9 if i == 1 else 1, *[0] * 31],
+                deadline_misses=i - 1,
+            )
+            monitor.receive(heard(i, 191, message), T0)
+    state = monitor.state(T0 + 1.0)
+    found = TargetState(1, T0, (1,), Estimate(1, T0, 1.0, 1.0, 0.1, -1.0), (1.0, 2.0))
+    hidden = TargetState(2, None, (), None, (3.0, 6.0))
+    figures = MetricsFigures(0.5, 1.5, 0.25, 1.25, 10)
+    return TeamState(state.time_s, state.vehicles, (found, hidden), 5, figures, T0)
+
+
+def lines_of(renderable, width=100, height=30):
+    console = Console(width=width, height=height, file=io.StringIO())
+    console.print(renderable)
+    return console.file.getvalue().splitlines()
+
+
+def picture(team, scenario, events=()):
+    return lines_of(render_team(team, ArenaMap(scenario, 48, 12), list(events), "arvi · lab", "flying", 42.0))
+
+
+def test_the_picture_fits_100_by_30_and_nothing_is_cut(team, scenario):
+    events = [Event(T0, 6, "vehicle 1", f"event {i}") for i in range(60)]
+    lines = picture(team, scenario, events)
+    assert len(lines) <= 29, "one line stays for the cursor"
+    assert max(map(len, lines)) <= 100
+    assert "…" not in "\n".join(lines)
+    assert any("event 59" in line for line in lines)
+    assert not any("event 0 " in line for line in lines)
+
+
+def test_the_picture_says_what_the_operator_needs(team, scenario):
+    text = "\n".join(picture(team, scenario))
+    for part in ("arvi · lab", "flying", "42 s left", "1 of 5", "0.25 m", "1.25 nats", "Ctrl-C"):
+        assert part in text
+    row = next(line for line in picture(team, scenario) if line.lstrip().startswith("2 "))
+    assert row.split() == ["2", "TRACK", "OFFBOARD", "–", "1.00", "0.2", "–", "1", "50", "0.12", "1"]
+
+
+def test_a_silent_onboard_process_is_seen(team, scenario):
+    late = TeamState(T0 + 20, team.vehicles, team.targets, 5, team.figures, T0)
+    aged = [
+        type(vehicle)(
+            **{name: getattr(vehicle, name) for name in vehicle.__dataclass_fields__} | {"onboard_age_s": 9.0}
+        )
+        for vehicle in late.vehicles
+    ]
+    text = "\n".join(picture(TeamState(T0, tuple(aged), (), 5, team.figures, T0), scenario))
+    assert text.count("silent") == 3
+
+
+def test_the_map_has_north_up_and_east_to_the_right(team, scenario):
+    arena = ArenaMap(scenario, 48, 12)
+    rows = arena.draw(team).plain.split("\n")
+    assert (len(rows), {len(row) for row in rows}) == (12, {48})
+    where = {character: (r, c) for r, row in enumerate(rows) for c, character in enumerate(row) if character != "·"}
+    assert where["1"] == (11, 0), "south-west"
+    assert where["2"] == (0, 47), "north-east"
+    assert where["◆"] == (9, 6), "1 m north, 1 m east: thirds of a metre per line, sixths per column"
+    row, column = where["◇"]
+    assert (row, column) == (9, 12) or (row, column) == (3, 36)
+
+
+def test_a_map_of_any_shape_stays_in_its_box(scenario):
+    fence = ((-50.0, -10.0), (200.0, -10.0), (75.0, 40.0))
+    mission = scenario.mission.model_copy(update={"fence": fence})
+    arena = ArenaMap(scenario.model_copy(update={"mission": mission}), 48, 12)
+    assert arena.rows <= 12
+    assert arena.columns <= 48
+    drawn = arena.draw(TeamState(T0, (), (), None, MetricsFigures(None, None, None, None, 0), None)).plain
+    assert " " in drawn, "outside the fence is empty"
+    assert "·" in drawn
+
+
+def test_lines_progress_every_few_seconds_and_events_at_once(team):
+    now = [0.0]
+    console = Console(width=200, file=io.StringIO())
+    display = LineDisplay(console, clock=lambda: now[0])
+    for tenth in range(0, 121):
+        now[0] = tenth / 10
+        display.show(team, "flying", 42.0)
+        if tenth == 20:
+            display.event(Event(T0, 4, "vehicle 2", "a plan was late (1 so far)"))
+    lines = console.file.getvalue().splitlines()
+    assert len(lines) == 4
+    assert "flying, 42 s left | targets 1/5 | RMSE 0.25 m | entropy 1.25 nats | 1: TRACK OFFBOARD 1.0 m" in lines[0]
+    assert lines[1].endswith("vehicle 2: a plan was late (1 so far)")
+    assert "2: TRACK OFFBOARD 1.0 m 1 late" in lines[0]
+
+
+def test_markup_in_texts_from_outside_is_text(team):
+    console = Console(width=200, file=io.StringIO())
+    LineDisplay(console).event(Event(T0, 6, "vehicle 1", "[bold]no markup[/bold] [/]"))
+    assert "[bold]no markup[/bold] [/]" in console.file.getvalue()
+
+
+def test_live_redraws_twice_a_second_and_keeps_errors(team, scenario):
+    now = [0.0]
+    console = Console(width=100, height=30, file=io.StringIO(), force_terminal=True)
+    with Live(console=console, auto_refresh=False) as live:
+        display = LiveDisplay(live, scenario, "arvi · lab", clock=lambda: now[0])
+        for tenth in range(21):
+            now[0] = tenth / 10 + 1e-9
+            display.show(team, "flying", 42.0)
+        display.event(Event(T0, 3, "launcher", "vehicle 2's onboard process ended"))
+    output = console.file.getvalue()
+    assert 4 <= output.count("arvi · lab") <= 7
+    assert "vehicle 2's onboard process ended" in output
+
+
+def test_where_there_is_no_terminal_there_are_lines(scenario):
+    plain = Console(file=io.StringIO())
+    with open_display(plain, scenario, "arvi", headless=False) as display:
+        assert isinstance(display, LineDisplay)
+    terminal = Console(file=io.StringIO(), force_terminal=True)
+    with open_display(terminal, scenario, "arvi", headless=True) as display:
+        assert isinstance(display, LineDisplay)
+    with open_display(terminal, scenario, "arvi", headless=False) as display:
+        assert isinstance(display, LiveDisplay)
