@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.planning.blocks import add_information, log_determinant
-from onboard.planning.expand import block_offset, predict_row
+from onboard.planning.expand import block_offset, look_from, predict_row
 from onboard.planning.jit import entry_kernel
 from onboard.planning.looks import look_weights
 from onboard.planning.packing import PackedProblem
 
-__all__ = ["lower_bounds"]
+__all__ = ["lower_bounds", "replay"]
 
 
 @entry_kernel
@@ -48,3 +48,19 @@ def lower_bounds(problem: PackedProblem, scratch: NDArray[np.float64], bounds: N
         bounds[step] = log_determinant(scratch[1], blocks.n4, blocks.n2)
         for k in range(scratch.shape[1]):
             scratch[0, k] = scratch[1, k]
+
+
+@entry_kernel
+def replay(problem: PackedProblem, poses: NDArray[np.float64], scratch: NDArray[np.float64]) -> float:
+    """J of eq. (6) for given poses (T, 3), whatever led to them; ``scratch``: (2, L) memory for two rows."""
+    blocks = problem.blocks
+    cost = 0.0
+    for k in range(scratch.shape[1]):
+        scratch[0, k] = blocks.prior[0, k]
+    for step in range(1, problem.horizon + 1):
+        predict_row(blocks, scratch, np.int64(0), step, scratch[1])
+        look_from(blocks, problem.sensor, step, poses[step - 1, 0], poses[step - 1, 1], poses[step - 1, 2], scratch[1])
+        cost += log_determinant(scratch[1], blocks.n4, blocks.n2)
+        for k in range(scratch.shape[1]):
+            scratch[0, k] = scratch[1, k]
+    return cost

@@ -60,7 +60,7 @@ def predict_row(blocks: PackedBlocks, rows: NDArray[np.float64], row: int, step:
                 add_information(out, block_offset(blocks, block), block < blocks.n4, m11, m12, m22)
 
 
-@inlined_kernel
+@kernel
 def look_from(
     blocks: PackedBlocks, sensor: PackedSensor, step: int, north: float, east: float, yaw: float,
     packed: NDArray[np.float64],

@@ -30,7 +30,8 @@ class Progress:
 
     Attributes:
         elapsed_s: Since the search began, s.
-        cost: Best J so far.
+        cost: Best J so far. After a start out of bounds, more than that by what the plan had more violation than the
+            final one.
         epsilon: ε of the pass (∞ for the greedy one).
         delta: δ of the pass, m (∞ for the greedy one).
         width: W of the pass: nodes kept open per level; None for no limit.
@@ -58,8 +59,8 @@ class Plan:
         delta: The δ that goes with it, m.
         width: W of the last pass; None for no limit.
         complete: Whether ImprovePath(0, 0, ∞) completed: the plan is optimal.
-        feasible: Whether every step keeps the fence, the obstacles and the separations; False means that no primitive
-            was feasible at some step and the plan stops there.
+        feasible: Whether there is a primitive for every step that keeps fence, obstacles and separations (or, from a
+            start outside, leads back in); False means that none was feasible at some step and the plan stops there.
         nodes_generated: Successors made.
         nodes_expanded: Nodes closed.
         elapsed_s: Time taken, s.

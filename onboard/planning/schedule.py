@@ -10,6 +10,7 @@ from onboard.planning.tree import MAX_PASSES
 
 __all__ = ["arvi_schedule", "single_pass"]
 
+_GREEDY = (np.inf, np.inf, 1.0, 1.0)
 _FIRST_WIDTH = 8.0
 _GROWTH = 2.0
 _SHRINK = 0.7
@@ -37,7 +38,7 @@ def arvi_schedule(problem: PackedProblem) -> NDArray[np.float64]:
     shrink = np.where(passes < _PASSES_UNTIL_EXACT, _SHRINK**passes, 0.0)
     width = _FIRST_WIDTH * _GROWTH**passes
     schedule = np.empty((MAX_PASSES, 4))
-    schedule[0] = np.inf, np.inf, 1.0, 1.0
+    schedule[0] = _GREEDY
     schedule[1:, 0] = _EPSILON_PER_VARIANCE * variance * shrink
     schedule[1:, 1] = _DELTA_PER_STEP * problem.reach_m * shrink
     schedule[1:, 2] = width
@@ -46,5 +47,5 @@ def arvi_schedule(problem: PackedProblem) -> NDArray[np.float64]:
 
 
 def single_pass(epsilon: float, delta: float) -> NDArray[np.float64]:
-    """The schedule of RVI: ImprovePath(ε, δ, ∞) once."""
-    return np.array([[epsilon, delta, np.inf, 1.0]])
+    """The schedule of RVI and FVI: greedy, so that there is a plan whatever happens, and ImprovePath(ε, δ, ∞)."""
+    return np.array([_GREEDY, (epsilon, delta, np.inf, 1.0)])

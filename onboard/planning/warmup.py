@@ -56,4 +56,5 @@ def _small_problem() -> Problem:
         sensor=RangeBearingSensor(0.1, 0.1, 5.0, math.tau),
         blocks=blocks,
         teammates=(Teammate(np.zeros((2, 3))),),
+        fence=np.array([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]]),
     )
