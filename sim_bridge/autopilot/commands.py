@@ -119,7 +119,7 @@ class CommandService:
         return _UNSUPPORTED
 
     def _do_set_mode(self, parameters: Parameters, _link: LinkName) -> int:
-        base_mode, main, sub = (0 if math.isnan(value) else int(value) for value in parameters[:3])
+        base_mode, main, sub = (_integer(value, 0) for value in parameters[:3])
         return self._select(base_mode, main, sub)
 
     def _select(self, base_mode: int, main: int, sub: int) -> int:
@@ -140,7 +140,7 @@ class CommandService:
         altitude_m = parameters[6]
         if not self._autopilot.request_mode(Px4Mode.TAKEOFF):
             return _REJECTED
-        self._autopilot.set_takeoff_altitude(None if math.isnan(altitude_m) else altitude_m)
+        self._autopilot.set_takeoff_altitude(altitude_m if math.isfinite(altitude_m) else None)
         return _ACCEPTED
 
     def _land(self, _parameters: Parameters, _link: LinkName) -> int:
@@ -150,14 +150,16 @@ class CommandService:
         return _ACCEPTED
 
     def _request_message(self, parameters: Parameters, link: LinkName) -> int:
-        return _ACCEPTED if self._autopilot.send_requested(link, int(parameters[0])) else _DENIED
+        return _ACCEPTED if self._autopilot.send_requested(link, _integer(parameters[0])) else _DENIED
 
     def _set_message_interval(self, parameters: Parameters, link: LinkName) -> int:
-        known = self._autopilot.streams[link].set_interval(int(parameters[0]), parameters[1])
+        known = self._autopilot.streams[link].set_interval(_integer(parameters[0]), parameters[1])
         return _ACCEPTED if known else _FAILED
 
     def _get_message_interval(self, parameters: Parameters, link: LinkName) -> int:
-        message_id = int(parameters[0])
+        message_id = _integer(parameters[0])
+        if not 0 <= message_id <= 0xFFFF:
+            return _DENIED
         interval_us = self._autopilot.streams[link].interval_us(message_id)
         self._autopilot.send(link, mavlink.MAVLink_message_interval_message(message_id, interval_us))
         return _ACCEPTED
@@ -170,3 +172,8 @@ class CommandService:
         if parameters[0] == 1.0:
             self._autopilot.send_requested(link, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         return _ACCEPTED
+
+
+def _integer(value: float, otherwise: int = -1) -> int:
+    """A command's parameter that means an integer; what is none means nothing."""
+    return int(value) if math.isfinite(value) else otherwise

@@ -353,7 +353,11 @@ class SimulatedAutopilot:
         self.vision.receive_position(message, self.time_s)
 
     def _on_set_origin(self, message: mavlink.MAVLink_set_gps_global_origin_message, link: LinkName) -> None:
-        if message.target_system == self.system_id:
+        if (
+            message.target_system == self.system_id
+            and abs(message.latitude) <= 90e7
+            and abs(message.longitude) <= 180e7
+        ):
             self.origin = GlobalOrigin(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
             self.send_requested(link, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
 

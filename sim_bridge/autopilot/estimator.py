@@ -125,10 +125,6 @@ class Estimator:
         """Whether a position arrived recently enough."""
         return time_s - self._fused_s <= POSITION_TIMEOUT_S
 
-    def seconds_since_position(self, time_s: float) -> float:
-        """Time since the last position that was fused, s; infinite if there was none."""
-        return time_s - self._fused_s
-
     def predict(self, time_s: float, dt_s: float) -> None:
         """Follow the inertial sensors over a step."""
         vehicle = self._vehicle

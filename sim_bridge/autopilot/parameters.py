@@ -23,7 +23,7 @@ HASH_CHECK = "_HASH_CHECK"
 """Not a parameter: its value is a hash over all of them, so that a ground station may reuse its copy."""
 
 NO_INDEX = 0xFFFF
-"""``param_index`` of an answer that does not come from the list's order."""
+"""``param_index`` of ``HASH_CHECK``, which has no place in the list."""
 
 INDOOR_PARAMETERS: Mapping[str, int | float] = {
     "SYS_HAS_GPS": 0,
@@ -58,7 +58,8 @@ class ParameterStore:
     def __init__(self, overrides: Mapping[str, int | float]) -> None:
         text = resources.files(__package__).joinpath("data", "px4_parameters.json").read_text(encoding="utf-8")
         self._values: dict[str, int | float] = json.loads(text)
-        self._indices = {name: index for index, name in enumerate(self._values)}
+        self._names = tuple(self._values)
+        self._indices = {name: index for index, name in enumerate(self._names)}
         for name, value in overrides.items():
             if name not in self._values:
                 raise ParameterError(f"{name}: PX4 has no such parameter")
@@ -83,7 +84,7 @@ class ParameterStore:
 
     def name_at(self, index: int) -> str | None:
         """The name at a place in the list, None beyond its end."""
-        return next((name for name, i in self._indices.items() if i == index), None)
+        return self._names[index] if 0 <= index < len(self._names) else None
 
     def set_encoded(self, name: str, value: float, parameter_type: int) -> bool:
         """Take a PARAM_SET; False (and PX4 stays silent) for an unknown name or a wrong type.
@@ -96,14 +97,14 @@ class ParameterStore:
         self._values[name] = struct.unpack("<i", struct.pack("<f", value))[0] if isinstance(current, int) else value
         return True
 
-    def message(self, name: str, *, indexed: bool = True) -> mavlink.MAVLink_param_value_message:
+    def message(self, name: str) -> mavlink.MAVLink_param_value_message:
         """PARAM_VALUE of a parameter, or of ``HASH_CHECK``."""
         if name == HASH_CHECK:
             return mavlink.MAVLink_param_value_message(
                 name.encode(), _as_float("<I", self._hash()), _UINT32, len(self), NO_INDEX
             )
         value = self._values[name]
-        index = self._indices[name] if indexed else NO_INDEX
+        index = self._indices[name]
         if isinstance(value, int):
             return mavlink.MAVLink_param_value_message(name.encode(), _as_float("<i", value), _INT32, len(self), index)
         return mavlink.MAVLink_param_value_message(name.encode(), value, _FLOAT, len(self), index)

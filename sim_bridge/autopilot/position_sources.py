@@ -34,6 +34,10 @@ GPS_ERROR_TIME_CONSTANT_S = 60.0
 
 _VISION_TIMEOUT_S = 1.0
 
+_MAX_POSITION_M = 1e5
+_MAX_VELOCITY_M_S = 1e3
+_MAX_DELAY_MS = 300.0
+
 
 class ExternalVision:
     """ODOMETRY and VISION_POSITION_ESTIMATE into the estimator.
@@ -80,15 +84,20 @@ class ExternalVision:
         yaw_rad: float,
     ) -> None:
         control = int(self._parameters["EKF2_EV_CTRL"])
-        if control & (_HORIZONTAL | _VERTICAL) == 0 or not all(math.isfinite(value) for value in position):
+        if control & (_HORIZONTAL | _VERTICAL) == 0 or not _within(position, _MAX_POSITION_M):
             return
-        if velocity is not None and (control & _VELOCITY == 0 or not all(math.isfinite(value) for value in velocity)):
+        if velocity is not None and (control & _VELOCITY == 0 or not _within(velocity, _MAX_VELOCITY_M_S)):
             velocity = None
         self._received_s = time_s
-        delay_s = 1e-3 * self._parameters["EKF2_EV_DELAY"]
+        # Plain floats: numpy's scalars would make every later step of the estimator several times as slow.
+        position = (float(position[0]), float(position[1]), float(position[2]))
+        if velocity is not None:
+            velocity = (float(velocity[0]), float(velocity[1]), float(velocity[2]))
+        # In this order a delay that is not a number becomes none.
+        delay_s = 1e-3 * min(max(0.0, self._parameters["EKF2_EV_DELAY"]), _MAX_DELAY_MS)
         self._estimator.correct_position(time_s, position, velocity, rate_rad_s=VISION_RATE_RAD_S, delay_s=delay_s)
         if control & _YAW and math.isfinite(yaw_rad):
-            self._estimator.correct_yaw(time_s, yaw_rad)
+            self._estimator.correct_yaw(time_s, float(yaw_rad))
 
 
 class Gps:
@@ -138,3 +147,8 @@ class Gps:
         )
         self._estimator.correct_position(time_s, self.position, velocity, rate_rad_s=GPS_RATE_RAD_S)
         self._estimator.correct_yaw(time_s, vehicle.yaw_rad)
+
+
+def _within(values: tuple[float, ...], limit: float) -> bool:
+    """Whether all are numbers of a size that a vehicle can have."""
+    return all(abs(value) <= limit for value in values)

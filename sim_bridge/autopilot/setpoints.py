@@ -74,15 +74,19 @@ def parse_setpoint(message: mavlink.MAVLink_set_position_target_local_ned_messag
         acceleration = _out_of_body(acceleration, yaw_rad)
     if all(math.isnan(value) for value in (*position, *velocity, *acceleration)):
         raise SetpointRefusedError("SET_POSITION_TARGET_LOCAL_NED invalid")
-    yaw_rad = _NAN if mask & mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE else message.yaw
-    yaw_rate = _NAN if mask & mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE else message.yaw_rate
+    yaw_rad = _finite(message.yaw, mask & mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE)
+    yaw_rate = _finite(message.yaw_rate, mask & mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE)
     return Setpoint(position, velocity, acceleration, yaw_rad, yaw_rate)
 
 
 def _used(values: tuple[float, float, float], mask: int) -> tuple[float, float, float]:
-    if mask & 7 == 0:
-        return values
-    return (_NAN if mask & 1 else values[0], _NAN if mask & 2 else values[1], _NAN if mask & 4 else values[2])
+    north, east, down = values
+    return (_finite(north, mask & 1), _finite(east, mask & 2), _finite(down, mask & 4))
+
+
+def _finite(value: float, ignored: int) -> float:
+    """NaN for what is ignored, and for infinities, which PX4 takes for absent, too."""
+    return _NAN if ignored or not math.isfinite(value) else value
 
 
 def _out_of_body(vector: tuple[float, float, float], yaw_rad: float) -> tuple[float, float, float]:

@@ -61,6 +61,7 @@ _PHASE_US = 1700
 """Streams start one after another, so that they do not all fall on the same step."""
 
 _NEVER_US = 1 << 62
+_MAX_INTERVAL_US = float(2**31 - 1)
 
 
 class StreamSchedule:
@@ -109,7 +110,8 @@ class StreamSchedule:
         """MAV_CMD_SET_MESSAGE_INTERVAL: µs, 0 for the default, −1 for off; False if the message is unknown."""
         if message_id not in self._builders or math.isnan(interval_us):
             return False
-        chosen_us = self._defaults.get(message_id, -1) if interval_us == 0.0 else round(interval_us)
+        asked_us = round(min(max(interval_us, -1.0), _MAX_INTERVAL_US))
+        chosen_us = asked_us if interval_us != 0.0 else self._defaults.get(message_id, -1)
         if chosen_us <= 0:
             self._entries.pop(message_id, None)
         else:

@@ -212,8 +212,8 @@ class Telemetry:
             autopilot.boot_ms,
             round(latitude * 1e7),
             round(longitude * 1e7),
-            round(1000.0 * self._altitude_m(estimator.down_m)),
-            round(1000.0 * (autopilot.home[2] - estimator.down_m)),
+            _milli(self._altitude_m(estimator.down_m)),
+            _milli(autopilot.home[2] - estimator.down_m),
             _centi(estimator.velocity_north_m_s),
             _centi(estimator.velocity_east_m_s),
             _centi(estimator.velocity_down_m_s),
@@ -227,7 +227,7 @@ class Telemetry:
             return None
         north_m, east_m, down_m = autopilot.gps.position
         latitude, longitude = autopilot.origin.to_global(north_m, east_m)
-        altitude_mm = round(1000.0 * self._altitude_m(down_m))
+        altitude_mm = _milli(self._altitude_m(down_m))
         vehicle = self._vehicle
         speed = math.hypot(vehicle.velocity_north_m_s, vehicle.velocity_east_m_s)
         course = math.degrees(math.atan2(vehicle.velocity_east_m_s, vehicle.velocity_north_m_s))
@@ -386,7 +386,7 @@ class Telemetry:
         return mavlink.MAVLink_home_position_message(
             round(latitude * 1e7),
             round(longitude * 1e7),
-            round(1000.0 * self._altitude_m(down_m)),
+            _milli(self._altitude_m(down_m)),
             north_m,
             east_m,
             down_m,
@@ -405,7 +405,7 @@ class Telemetry:
         return mavlink.MAVLink_gps_global_origin_message(
             round(origin.latitude_deg * 1e7),
             round(origin.longitude_deg * 1e7),
-            round(1000.0 * origin.altitude_m),
+            _milli(origin.altitude_m),
             self._autopilot.boot_us,
         )
 
@@ -437,7 +437,7 @@ class Telemetry:
             vehicle.yaw_rate_rad_s,
             round(latitude * 1e7),
             round(longitude * 1e7),
-            round(1000.0 * self._altitude_m(vehicle.down_m)),
+            _milli(self._altitude_m(vehicle.down_m)),
             _centi(vehicle.velocity_north_m_s),
             _centi(vehicle.velocity_east_m_s),
             _centi(vehicle.velocity_down_m_s),
@@ -474,3 +474,8 @@ class Telemetry:
 def _centi(value: float) -> int:
     """In hundredths, within 16 bits."""
     return min(max(round(100.0 * value), -32768), 32767)
+
+
+def _milli(value: float) -> int:
+    """In thousandths, within 32 bits."""
+    return min(max(round(1000.0 * value), -(2**31)), 2**31 - 1)

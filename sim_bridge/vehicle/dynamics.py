@@ -162,7 +162,7 @@ class Vehicle:
 
         Args:
             dt_s: Time, s; stable below 1/ωₙ.
-            command: What to fly.
+            command: What to fly; what is not a number counts as zero.
         """
         if not command.motors_on:
             self._fall(dt_s)
@@ -180,9 +180,10 @@ class Vehicle:
     def _follow(self, dt_s: float, command: VelocityCommand) -> None:
         north, east = command.north_m_s, command.east_m_s
         speed = math.hypot(north, east)
-        if speed > self._max_speed:
-            north, east = north * self._max_speed / speed, east * self._max_speed / speed
-        down = min(max(command.down_m_s, -self._max_climb), self._max_climb)
+        if not speed <= self._max_speed:  # not a number compares false, too
+            scale = self._max_speed / speed if math.isfinite(speed) else 0.0
+            north, east = (north * scale, east * scale) if scale > 0.0 else (0.0, 0.0)
+        down = _bounded(command.down_m_s, self._max_climb)
         stiffness, damping, limit = self._stiffness, self._damping, self._max_acceleration
         a_north, a_east, a_down = (
             self.acceleration_north_m_s2,
@@ -195,7 +196,7 @@ class Vehicle:
         acceleration = math.hypot(a_north, a_east)
         if acceleration > limit:
             a_north, a_east = a_north * limit / acceleration, a_east * limit / acceleration
-        a_down = min(max(a_down, -limit), limit)
+        a_down = _bounded(a_down, limit)
         self.acceleration_north_m_s2 = a_north
         self.acceleration_east_m_s2 = a_east
         self.acceleration_down_m_s2 = a_down
@@ -203,7 +204,7 @@ class Vehicle:
         self.velocity_east_m_s += dt_s * (a_east + self._gust_east)
         self.velocity_down_m_s += dt_s * (a_down + self._gust_down)
         self._move(dt_s)
-        rate = min(max(command.yaw_rate_rad_s, -self._max_yaw_rate), self._max_yaw_rate)
+        rate = _bounded(command.yaw_rate_rad_s, self._max_yaw_rate)
         self.yaw_rate_rad_s += (rate - self.yaw_rate_rad_s) * (1.0 - math.exp(-dt_s / self._yaw_rate_lag))
         self.yaw_rad = wrap_angle(self.yaw_rad + dt_s * self.yaw_rate_rad_s)
 
@@ -247,3 +248,7 @@ class Vehicle:
         self.velocity_north_m_s = self.velocity_east_m_s = self.velocity_down_m_s = 0.0
         self.acceleration_north_m_s2 = self.acceleration_east_m_s2 = self.acceleration_down_m_s2 = 0.0
         self.yaw_rate_rad_s = 0.0
+
+
+def _bounded(value: float, limit: float) -> float:
+    return 0.0 if math.isnan(value) else min(max(value, -limit), limit)
