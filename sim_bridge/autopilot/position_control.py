@@ -53,7 +53,7 @@ class PositionControl:
         down = _axis(position[2] - estimator.down_m, velocity[2], parameters["MPC_Z_P"])
         limit = parameters["MPC_XY_CRUISE"] if cruise else parameters["MPC_XY_VEL_MAX"]
         speed = math.hypot(north, east)
-        if speed > limit:
+        if 0.0 <= limit < speed:
             north, east = north * limit / speed, east * limit / speed
         max_up = parameters["MPC_TKO_SPEED"] if cruise else parameters["MPC_Z_VEL_MAX_UP"]
         down = min(max(down, -max_up), parameters["MPC_Z_VEL_MAX_DN"])

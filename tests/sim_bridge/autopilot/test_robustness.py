@@ -66,7 +66,7 @@ def ordered_lengths(kind):
     return [by_name[name] for name in kind.fieldnames]
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(received=st.lists(messages(), min_size=1, max_size=30), offboard=st.booleans())
 def test_any_message_leaves_everything_finite(bench, received, offboard):
     flight, codec = bench(), Codec(3, 1)
