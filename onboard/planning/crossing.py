@@ -16,17 +16,9 @@ from onboard.planning.jit import inlined_kernel, kernel
 from onboard.planning.tree import EAST, NORTH, YAW, Table, Tree
 
 __all__ = [
-    "Grid",
-    "cell",
-    "cell_key",
-    "crosses",
-    "find_slot",
-    "grid_for",
-    "insert_row",
-    "quota_key",
-    "table_mask",
-    "yaw_cell",
-]
+    "Grid", "add_to_quota_cell", "cell", "cell_key", "crosses", "find_slot", "grid_for", "in_quota_cell", "insert_row",
+    "table_mask", "yaw_cell",
+]  # fmt: skip
 
 _CELL_DELTAS = 3.0
 _SMALLEST_CELL_M = 1e-3
@@ -106,13 +98,32 @@ def table_mask(entries: int, table: Table) -> int:
 
 
 @inlined_kernel
-def quota_key(grid: Grid, nodes: NDArray[np.float64], node: int) -> int:
+def _quota_key(tree: Tree, grid: Grid, node: int) -> int:
     """The coarse cell of a node, 0.5 m × 20°."""
     return cell_key(
-        math.floor((nodes[node, NORTH] - grid.north_m) / _QUOTA_CELL_M),
-        math.floor((nodes[node, EAST] - grid.east_m) / _QUOTA_CELL_M),
-        yaw_cell(nodes[node, YAW], _QUOTA_YAW_CELLS),
+        math.floor((tree.nodes[node, NORTH] - grid.north_m) / _QUOTA_CELL_M),
+        math.floor((tree.nodes[node, EAST] - grid.east_m) / _QUOTA_CELL_M),
+        yaw_cell(tree.nodes[node, YAW], _QUOTA_YAW_CELLS),
     )
+
+
+@kernel
+def in_quota_cell(tree: Tree, grid: Grid, node: int) -> int:
+    """How many nodes have been kept in a node's coarse cell."""
+    slot = find_slot(tree.quota, grid.mask, grid.stamp, _quota_key(tree, grid, node))
+    return int(tree.quota.slots[slot, 1]) if tree.quota.slots[slot, 0] == grid.stamp else 0
+
+
+@kernel
+def add_to_quota_cell(tree: Tree, grid: Grid, node: int) -> None:
+    """Count a node in its coarse cell."""
+    key = _quota_key(tree, grid, node)
+    slot = find_slot(tree.quota, grid.mask, grid.stamp, key)
+    if tree.quota.slots[slot, 0] != grid.stamp:
+        tree.quota.keys[slot] = key
+        tree.quota.slots[slot, 0] = grid.stamp
+        tree.quota.slots[slot, 1] = 0
+    tree.quota.slots[slot, 1] += 1
 
 
 @kernel

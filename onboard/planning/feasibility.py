@@ -5,8 +5,8 @@ one of its two tightest circles lies inside: whatever comes, the robot has somew
 search therefore never runs into a dead end at the fence. Between two poses the arc itself must not cross the fence
 either, for it bulges beyond its chord.
 
-A start outside (tracking error, a gust, a fence that was moved) is not refused. Such a pose has a *violation* in metres,
-and from it only poses that do not increase the violation are feasible.
+A start outside (tracking error, a gust, a fence that was moved) is not refused. Such a pose has a *violation* in
+metres, and from it only poses that do not increase the violation are feasible.
 """
 
 from __future__ import annotations

@@ -18,8 +18,8 @@ def plan_group(
 ) -> tuple[Plan, ...]:
     """Plan for a whole group in its order, as its members would with perfect communication.
 
-    Robot i plans against the plans of robots 1..i−1, which are added to the teammates of its own problem. The time until
-    the deadline and the nodes are split evenly over the group.
+    Robot i plans against the plans of robots 1..i−1, which are added to the teammates of its own problem. The time
+    until the deadline and the nodes are split evenly over the group.
 
     Args:
         planner: Plans for all of them.

@@ -10,13 +10,14 @@ import numpy as np
 from onboard.planning.clock import now_s
 from onboard.planning.crossing import (
     Grid,
+    add_to_quota_cell,
     cell,
     cell_key,
     crosses,
     find_slot,
     grid_for,
+    in_quota_cell,
     insert_row,
-    quota_key,
     table_mask,
     yaw_cell,
 )
@@ -194,62 +195,67 @@ def _is_redundant(problem: PackedProblem, tree: Tree, grid: Grid, node: int, row
     return False
 
 
+@inlined_kernel
+def _open_if_needed(problem: PackedProblem, tree: Tree, parameters: Pass, grid: Grid, node: int, step: int) -> bool:
+    """Open a node unless it is redundant; there must be a free row."""
+    row = open_node(problem, tree, node, step)
+    if parameters.prune and _is_redundant(problem, tree, grid, node, row, parameters.epsilon):
+        return False
+    tree.links[node, ROW] = row
+    tree.row_nodes[row] = node
+    tree.counters[ROWS] = row + 1
+    if parameters.prune:
+        insert_row(tree, grid, row)
+    return True
+
+
+@inlined_kernel
+def _level_grid(problem: PackedProblem, tree: Tree, parameters: Pass, step: int, count: int) -> Grid:
+    """A new hash table for a level, with the nodes in it that earlier passes opened."""
+    candidates = min(count, parameters.width)
+    for earlier in range(parameters.number):
+        candidates += tree.row_runs[earlier, step, 1] - tree.row_runs[earlier, step, 0]
+    tree.counters[STAMP] += 1
+    mask = table_mask(candidates, tree.crossing)
+    grid = grid_for(problem.start, parameters.delta, parameters.yaw_weight, mask, tree.counters[STAMP])
+    if parameters.prune:
+        for earlier in range(parameters.number):
+            for row in range(tree.row_runs[earlier, step, 0], tree.row_runs[earlier, step, 1]):
+                insert_row(tree, grid, row)
+    return grid
+
+
 @kernel
 def _open_level(
     problem: PackedProblem, tree: Tree, parameters: Pass, allowance: int, step: int, deadline_s: float
 ) -> int:
     """Lines 8–14 of Algorithm 2 for one level: open its best node and all that are not redundant, best first."""
-    number, width = parameters.number, parameters.width
-    limited = width < UNLIMITED
-    count = _gather_level(tree, number, step, _OUTLOOK * (problem.horizon - step) if limited else 0.0)
-    tree.counters[STAMP] += 1
-    stamp = tree.counters[STAMP]
-    candidates = min(count, width)
-    for earlier in range(number):
-        candidates += tree.row_runs[earlier, step, 1] - tree.row_runs[earlier, step, 0]
-    grid = grid_for(
-        problem.start, parameters.delta, parameters.yaw_weight, table_mask(candidates, tree.crossing), stamp
-    )
-    if parameters.prune:
-        for earlier in range(number):
-            for row in range(tree.row_runs[earlier, step, 0], tree.row_runs[earlier, step, 1]):
-                insert_row(tree, grid, row)
+    limited = parameters.width < UNLIMITED
+    outlook = _OUTLOOK * (problem.horizon - step) if limited else 0.0
+    count = _gather_level(tree, parameters.number, step, outlook)
+    grid = _level_grid(problem, tree, parameters, step, count)
     outcome, kept, opened = COMPLETE, 0, 0
     start_order(tree.order, count)
     for position in range(count):
-        if kept >= width:
+        if kept >= parameters.width:
             return BOUND
         if position % _CLOCK_EVERY == 0 and now_s(tree.order.timespec) > deadline_s:
             return STOPPED
         node = next_in_order(tree.order, position, deadline_s)
         if node < 0:
             return STOPPED
-        slot, key, in_cell = 0, 0, 0
-        if limited:
-            key = quota_key(grid, tree.nodes, node)
-            slot = find_slot(tree.quota, grid.mask, stamp, key)
-            if tree.quota.slots[slot, 0] == stamp:
-                in_cell = tree.quota.slots[slot, 1]
-            if in_cell >= parameters.quota:
-                outcome = BOUND
-                continue
+        if limited and in_quota_cell(tree, grid, node) >= parameters.quota:
+            outcome = BOUND
+            continue
         if tree.links[node, ROW] < 0:
-            if tree.counters[ROWS] >= len(tree.rows):
-                return STOPPED
             if opened >= allowance:
                 return BOUND
-            row = open_node(problem, tree, node, step)
-            if parameters.prune and _is_redundant(problem, tree, grid, node, row, parameters.epsilon):
+            if tree.counters[ROWS] >= len(tree.rows):
+                return STOPPED
+            if not _open_if_needed(problem, tree, parameters, grid, node, step):
                 continue
-            tree.links[node, ROW] = row
-            tree.row_nodes[row] = node
-            tree.counters[ROWS] = row + 1
             opened += 1
-            if parameters.prune:
-                insert_row(tree, grid, row)
         kept += 1
         if limited:
-            tree.quota.keys[slot] = key
-            tree.quota.slots[slot, 0] = stamp
-            tree.quota.slots[slot, 1] = in_cell + 1
+            add_to_quota_cell(tree, grid, node)
     return outcome

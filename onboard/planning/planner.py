@@ -17,7 +17,7 @@ from onboard.planning.plan import Budget, Plan, Progress
 from onboard.planning.problem import Problem
 from onboard.planning.schedule import arvi_schedule, single_pass
 from onboard.planning.search import run_schedule
-from onboard.planning.tree import COST, EXPANDED, GENERATED, PARENT, PRIMITIVE, Tree, Workspace
+from onboard.planning.tree import COST, EXPANDED, GENERATED, PARENT, PRIMITIVE, ROWS, YAW, Tree, Workspace
 
 __all__ = ["DEFAULT_NODE_LIMIT", "Planner", "Redundancy", "arvi", "fvi", "rvi"]
 
@@ -55,6 +55,7 @@ class Planner:
         self.redundancy = redundancy
         self.yaw_weight = float(yaw_weight)
         self._workspace = Workspace(node_limit)
+        self._tree: Tree | None = None
 
     @property
     def nbytes(self) -> int:
@@ -97,6 +98,14 @@ class Planner:
         start_s = time.perf_counter()
         return self._search(problem, pack_problem(problem), single_pass(0.0, 0.0), False, budget, start_s)
 
+    def open_segments(self) -> NDArray[np.float64]:
+        """The open nodes of the last search, each with its parent: (K, 2, 2), north m and east m, for pictures."""
+        if self._tree is None:
+            return np.zeros((0, 2, 2))
+        rows = self._tree.row_nodes[1 : self._tree.counters[ROWS]]
+        parents = self._tree.row_nodes[self._tree.links[rows, PARENT]]
+        return np.stack([self._tree.nodes[parents, :YAW], self._tree.nodes[rows, :YAW]], axis=1)
+
     def _search(
         self,
         problem: Problem,
@@ -112,7 +121,7 @@ class Planner:
             math.inf if budget.deadline_s is None else float(budget.deadline_s) - _RESERVE_S,
             UNLIMITED if budget.nodes is None else int(budget.nodes),
         )
-        tree = self._workspace.tree_for(packed)
+        tree = self._tree = self._workspace.tree_for(packed)
         if prune and self.redundancy == "lmi":
             from onboard.planning.lmi import run_schedule_lmi  # noqa: PLC0415 - needs the extra "lmi"
 

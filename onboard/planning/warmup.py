@@ -26,8 +26,8 @@ __all__ = ["warm_kernels"]
 def warm_kernels() -> None:
     """Compile every kernel, or load it from the cache on disk.
 
-    Numba's cache is not made for several processes that compile at once. So this holds a lock while it works: of several
-    processes that start together one compiles, and the others wait and load.
+    Numba's cache is not made for several processes that compile at once. So this holds a lock while it works: of
+    several processes that start together one compiles, and the others wait and load.
 
     Raises:
         OSError: If the lock file cannot be made.
