@@ -20,7 +20,7 @@ __all__ = ["app", "main"]
 
 EXIT_BAD_INPUT = 2
 
-Config = Annotated[Path, typer.Argument(help="Scenario file, e.g. configs/lab.yaml.")]
+Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Scenario file, e.g. configs/lab.yaml.")]
 Record = Annotated[
     Path | None, typer.Option(metavar="DIR", help="Record every link as .tlog, and all logs, in a new folder in DIR.")
 ]
@@ -162,8 +162,7 @@ def check(
 
     **Example**: `arvi check configs/*.yaml`
     """
-    from rich.console import Console
-
+    from gcs.output import open_console
     from gcs.scenario_table import render_scenario
     from onboard.config import ConfigError, load_scenario
 
@@ -175,7 +174,7 @@ def check(
             wrong += 1
             typer.echo(str(error), err=True)
         else:
-            Console().print(render_scenario(config, scenario))
+            open_console().print(render_scenario(config, scenario))
     raise typer.Exit(EXIT_BAD_INPUT if wrong else 0)
 
 

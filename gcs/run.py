@@ -10,12 +10,11 @@ import sys
 import time
 from pathlib import Path
 
-from rich.console import Console
-
 from gcs import summary
 from gcs.errors import GroundError
 from gcs.launcher import FlightOptions, fly, run_folder
 from gcs.mission import MissionDirector
+from gcs.output import open_console
 from gcs.recorder import Recorder
 from gcs.session import Display, StopRequests, run_session
 from gcs.station import GroundStation
@@ -25,7 +24,6 @@ from onboard.errors import OnboardError
 
 __all__ = ["run_flight", "run_station"]
 
-_WIDTH = 100
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 
@@ -53,7 +51,7 @@ def run_flight(
         version: Of this program.
         headless: Print lines, draw nothing.
     """
-    console = _console()
+    console = open_console()
     simulated = scenario.simulation
     options = FlightOptions(
         config=config,
@@ -100,7 +98,7 @@ def run_station(
         start: Start and land the team; otherwise only watch.
         headless: Print lines, draw nothing.
     """
-    console = _console()
+    console = open_console()
     mission = scenario.mission
     director = None
     if start:
@@ -130,12 +128,6 @@ def run_station(
     if reason is not None:
         sys.stderr.write(f"{reason}\n")
     return 0 if reason is None else EXIT_FAILED
-
-
-def _console() -> Console:
-    """Standard output; wide enough for our tables where it is no terminal, and has no width."""
-    console = Console()
-    return console if console.is_terminal else Console(width=_WIDTH)
 
 
 async def _watch(station: GroundStation, display: Display) -> str | None:

@@ -1,0 +1,67 @@
+"""Standard output that may go away: a closed terminal or pipe must not keep anybody from landing."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from typing import IO, cast
+
+from rich.console import Console
+
+__all__ = ["SteadyOutput", "open_console"]
+
+_WIDTH_WITHOUT_TERMINAL = 100
+
+
+class SteadyOutput(io.TextIOBase):
+    """A text stream that turns to nothing when its end is gone, instead of raising.
+
+    Args:
+        stream: Where to write while that is possible; has a file descriptor.
+    """
+
+    def __init__(self, stream: io.TextIOWrapper) -> None:
+        super().__init__()
+        self._stream = stream
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """The stream's encoding, by which rich chooses its characters."""
+        return self._stream.encoding
+
+    def write(self, text: str) -> int:
+        """Write text, or nothing when nobody is there to read it."""
+        try:
+            return self._stream.write(text)
+        except OSError:
+            self._give_up()
+            return len(text)
+
+    def flush(self) -> None:
+        """Hand over what has been written."""
+        try:
+            self._stream.flush()
+        except OSError:
+            self._give_up()
+
+    def isatty(self) -> bool:
+        """Whether it is a terminal."""
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        """The stream's file descriptor."""
+        return self._stream.fileno()
+
+    def _give_up(self) -> None:
+        """From now on the descriptor leads nowhere: what is buffered, and what Python flushes at exit, goes there."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)
+
+
+def open_console() -> Console:
+    """Standard output; wide enough for our tables where it is no terminal, and has no width."""
+    output = cast(IO[str], SteadyOutput(sys.stdout) if isinstance(sys.stdout, io.TextIOWrapper) else sys.stdout)
+    console = Console(file=output)
+    return console if console.is_terminal else Console(file=output, width=_WIDTH_WITHOUT_TERMINAL)
