@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from gcs.plan_command import plan
+
 if TYPE_CHECKING:
     from onboard.config import Scenario
 
@@ -176,6 +178,9 @@ def check(
         else:
             open_console().print(render_scenario(config, scenario))
     raise typer.Exit(EXIT_BAD_INPUT if wrong else 0)
+
+
+app.command()(plan)
 
 
 def _load(config: Path) -> Scenario:

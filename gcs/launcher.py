@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import json
+import math
 import resource
-import shutil
 import sys
-import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gcs import summary
 from gcs.errors import GroundError
+from gcs.folder import describe_run, run_folder
 from gcs.mission import MissionDirector, Phase
 from gcs.ports import check_free, needed_ports
 from gcs.recorder import Recorder
@@ -28,7 +26,7 @@ from onboard.config import Scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["FlightOptions", "FlightResult", "Programs", "fly", "run_folder"]
+__all__ = ["FlightOptions", "FlightResult", "Programs", "fly"]
 
 _READY_PATIENCE_S = 60.0
 _STOP_GRACE_S = 2.5
@@ -122,40 +120,6 @@ async def fly(options: FlightOptions, display: Display, programs: Programs | Non
         return FlightResult(result.summary, problems, folder.path if folder.keep else None)
 
 
-@dataclass(slots=True)
-class _Folder:
-    path: Path
-    keep: bool = True
-
-
-@contextmanager
-def run_folder(parent: Path | None, name: str) -> Iterator[_Folder]:
-    """A new folder ``PARENT/NAME-TIME`` for logs and recordings; a temporary one, removed unless kept, without parent.
-
-    Raises:
-        GroundError: It cannot be made.
-    """
-    stamp = time.strftime("%Y%m%d-%H%M%S")
-    try:
-        if parent is None:
-            path = Path(tempfile.mkdtemp(prefix=f"arvi-{name}-"))
-        else:
-            parent.mkdir(parents=True, exist_ok=True)
-            path, count = parent / f"{name}-{stamp}", 1
-            while path.exists():
-                count += 1
-                path = parent / f"{name}-{stamp}-{count}"
-            path.mkdir()
-    except OSError as error:
-        raise GroundError(f"{parent}: no folder for the recording: {error.strerror or error}") from None
-    folder = _Folder(path)
-    try:
-        yield folder
-    finally:
-        if not folder.keep:
-            shutil.rmtree(path, ignore_errors=True)
-
-
 class _Flight:
     """One flight from the first process to the last."""
 
@@ -179,13 +143,14 @@ class _Flight:
 
     async def run(self) -> FlightResult:
         """Warm up, fly, stop everything, summarize."""
+        if self._recorder is not None:
+            describe_run(self._folder, self._options.config, self._about())
         if not await self._warm_up():
             return FlightResult(None, tuple(self._problems), self._folder)
         cpu, own_cpu, started = _cpu_s(), time.process_time(), time.monotonic()
         cpu_by_name: dict[str, float] = {}
         try:
             await self._station.open()
-            self._describe()
             await self._launch()
             reason = await run_session(self._station, self._display, self._stop, time.time, self._cannot_go_on)
             if reason is not None:
@@ -206,7 +171,8 @@ class _Flight:
             problems=tuple(self._problems),
         )
         result = summary.summarize(self._station.team, facts, time.time())
-        self._describe(result)
+        if self._recorder is not None:
+            self._keep(result)
         return FlightResult(result, tuple(self._problems), self._folder)
 
     async def _warm_up(self) -> bool:
@@ -275,9 +241,13 @@ class _Flight:
 
     def _find_faults(self) -> None:
         """What the summary must not hide: who did not fly, who is not down."""
-        for vehicle_id, figures in self._station.team.figures().items():
-            if self._director.start_s is not None and not (figures.landed and figures.disarmed):
-                self._problems.append(f"vehicle {vehicle_id} did not land and disarm")
+        if self._director.start_s is None:
+            return
+        for vehicle in self._station.team.state(time.time()).vehicles:
+            if not vehicle.flew:
+                self._problems.append(f"vehicle {vehicle.id} did not take off")
+            elif not (vehicle.landed and vehicle.armed is False):
+                self._problems.append(f"vehicle {vehicle.id} did not land and disarm")
 
     def _problem(self, text: str, last_lines: tuple[str, ...] = ()) -> None:
         self._problems.append(text)
@@ -288,22 +258,23 @@ class _Flight:
     def _say(self, severity: int, text: str) -> None:
         self._display.event(Event(time.time(), severity, "launcher", text))
 
-    def _describe(self, result: dict[str, Any] | None = None) -> None:
-        """What was flown, beside the recording."""
-        if self._recorder is None:
-            return
-        options = self._options
-        flight = {"scenario": options.scenario.name, "seed": options.seed, "version": options.version}
-        flight |= {"duration_s": options.duration_s, "vehicles": list(self._names.values())}
-        flight |= {"started": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "mission_start_s": self._director.start_s}
+    def _keep(self, result: dict[str, Any]) -> None:
+        """The summary beside the recording."""
         try:
-            if result is None:
-                shutil.copyfile(options.config, self._folder / "scenario.yaml")
-                (self._folder / "flight.json").write_text(json.dumps(flight, indent=2) + "\n", encoding="utf-8")
-            else:
-                summary.write_json(result, self._folder / "summary.json")
-        except (OSError, GroundError) as error:
-            self._say(mavlink.MAV_SEVERITY_WARNING, f"the recording is not complete: {error}")
+            summary.write_json(result, self._folder / "summary.json")
+        except GroundError as error:
+            self._say(mavlink.MAV_SEVERITY_WARNING, str(error))
+
+    def _about(self) -> dict[str, Any]:
+        """What ``flight.json`` says of this flight."""
+        options = self._options
+        return {
+            "scenario": options.scenario.name,
+            "version": options.version,
+            "seed": options.seed,
+            "duration_s": options.duration_s if math.isfinite(options.duration_s) else None,
+            "vehicles": list(self._names.values()),
+        }
 
 
 def _cpu_s() -> float:

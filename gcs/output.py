@@ -1,4 +1,4 @@
-"""Standard output that may go away: a closed terminal or pipe must not keep anybody from landing."""
+"""Standard output that may go away, and text that may be hostile: neither must keep anybody from landing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import IO, cast
 
 from rich.console import Console
 
-__all__ = ["SteadyOutput", "open_console"]
+__all__ = ["SteadyOutput", "open_console", "printable"]
 
 _WIDTH_WITHOUT_TERMINAL = 100
 
@@ -65,3 +65,8 @@ def open_console() -> Console:
     output = cast(IO[str], SteadyOutput(sys.stdout) if isinstance(sys.stdout, io.TextIOWrapper) else sys.stdout)
     console = Console(file=output)
     return console if console.is_terminal else Console(file=output, width=_WIDTH_WITHOUT_TERMINAL)
+
+
+def printable(text: str) -> str:
+    """Text that is safe on a terminal: what comes from outside may hold control sequences."""
+    return "".join(character if character.isprintable() else "·" for character in text)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import math
-import shutil
 import sys
 import time
 from pathlib import Path
 
 from gcs import summary
 from gcs.errors import GroundError
-from gcs.launcher import FlightOptions, fly, run_folder
+from gcs.folder import describe_run, run_folder
+from gcs.launcher import FlightOptions, fly
 from gcs.mission import MissionDirector
 from gcs.output import open_console
 from gcs.recorder import Recorder
@@ -109,9 +108,7 @@ def run_station(
             folder.keep = record is not None
             recorder = None
             if record is not None:
-                shutil.copyfile(config, folder.path / "scenario.yaml")
-                about = {"scenario": scenario.name, "version": version, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
-                (folder.path / "flight.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+                describe_run(folder.path, config, {"scenario": scenario.name, "version": version})
                 recorder = Recorder(folder.path)
             station = GroundStation(scenario, director=director, recorder=recorder)
             with open_display(console, scenario, f"arvi · {scenario.name}", headless=headless) as display:
@@ -119,9 +116,6 @@ def run_station(
             if recorder is not None:
                 recorder.close()
                 console.print(f"recording: {folder.path}", highlight=False, soft_wrap=True)
-    except OSError as error:
-        sys.stderr.write(f"{record}: the recording cannot be started: {error.strerror or error}\n")
-        return EXIT_BAD_INPUT
     except (GroundError, OnboardError) as error:
         sys.stderr.write(f"{error}\n")
         return EXIT_BAD_INPUT

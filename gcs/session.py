@@ -31,7 +31,9 @@ class Display(Protocol):
 
 
 class StopRequests:
-    """Ctrl-C, SIGTERM and a closed terminal, counted: the first lands the team, the second ends all at once.
+    """Ctrl-C and SIGTERM, counted: the first lands the team, the second ends all at once.
+
+    A terminal that is closed (SIGHUP) lands the team, too, but never ends it at once: kernel and shell both send one.
 
     Attributes:
         count: How often stopping was asked for.
@@ -44,17 +46,25 @@ class StopRequests:
         """Ask to stop."""
         self.count += 1
 
+    def request_once(self) -> None:
+        """Ask to stop, unless that has been asked for."""
+        self.count = max(self.count, 1)
+
     @contextmanager
     def listening(self) -> Iterator[None]:
         """While this lasts, signals become requests; afterwards they do what they did before."""
         loop = asyncio.get_running_loop()
-        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        for number in numbers:
-            loop.add_signal_handler(number, self.request)
+        handlers = {
+            signal.SIGINT: self.request,
+            signal.SIGTERM: self.request,
+            signal.SIGHUP: self.request_once,
+        }
+        for number, handler in handlers.items():
+            loop.add_signal_handler(number, handler)
         try:
             yield
         finally:
-            for number in numbers:
+            for number in handlers:
                 loop.remove_signal_handler(number)
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs import leash
+from gcs.output import printable
 
 __all__ = ["ChildExit", "Supervisor", "tail"]
 
@@ -153,7 +154,7 @@ def tail(log: Path, lines: int = 12) -> tuple[str, ...]:
             text = file.read().decode("utf-8", errors="replace")
     except OSError:
         return ()
-    return tuple(line.rstrip() for line in text.splitlines() if line.strip())[-lines:]
+    return tuple(printable(line.rstrip()) for line in text.splitlines() if line.strip())[-lines:]
 
 
 def _leashed(program: list[str]) -> list[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.metrics import EstimateMetrics, MetricsFigures, NotGaussianError, TargetState
+from gcs.output import printable
 from gcs.vehicle import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleMonitor, VehicleState
 from onboard.clock import MissionClock
 from onboard.config import Scenario
@@ -202,7 +203,7 @@ class TeamMonitor:
         whole = self._texts.receive(message)
         if whole is None:
             return None
-        severity, text = whole[0], _printable(whole[1])
+        severity, text = whole[0], printable(whole[1])
         self.note(now_s, severity, source, text)
         return text
 
@@ -239,8 +240,3 @@ class TeamMonitor:
             total = f"/{self._simulation.ground_robots.count}" if self._simulation is not None else " so far"
             text = f"target {target} found by vehicle {vehicle.id} ({len(self.metrics.discovered)}{total})"
             self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "team", text)
-
-
-def _printable(text: str) -> str:
-    """Text that is safe on a terminal: it comes from outside."""
-    return "".join(character if character.isprintable() else "·" for character in text)

@@ -139,6 +139,11 @@ async def test_children_die_with_a_launcher_that_is_killed(tmp_path):
         await until(lambda: not any(exists(pid) for pid in pids))
 
 
+def test_tail_defuses_control_sequences(tmp_path):
+    (tmp_path / "a.log").write_text("\x1b[2Jgone\n")
+    assert tail(tmp_path / "a.log") == ("·[2Jgone",)
+
+
 def test_tail_is_bounded_and_survives_anything(tmp_path):
     log = tmp_path / "a.log"
     log.write_bytes(b"\n".join(b"line %d" % i for i in range(100_000)) + b"\n\xff\xfe\n\n")
