@@ -23,15 +23,16 @@ from sim_bridge.autopilot.flight_tasks import FlightTasks
 from sim_bridge.autopilot.geodesy import GlobalOrigin
 from sim_bridge.autopilot.links import LINKS, LinkName
 from sim_bridge.autopilot.modes import Health
+from sim_bridge.autopilot.motion_telemetry import MotionTelemetry
 from sim_bridge.autopilot.offboard import OffboardInput, SetpointStatistics
-from sim_bridge.autopilot.parameter_service import ParameterService
 from sim_bridge.autopilot.parameters import ParameterStore
 from sim_bridge.autopilot.position_control import PositionControl
 from sim_bridge.autopilot.position_sources import ExternalVision, Gps
+from sim_bridge.autopilot.services import Services
 from sim_bridge.autopilot.setpoints import IDLE, Setpoint, SetpointRefusedError, parse_setpoint
+from sim_bridge.autopilot.status_telemetry import StatusTelemetry
 from sim_bridge.autopilot.streams import StreamSchedule
 from sim_bridge.autopilot.takeoff import LandDetector, TakeoffPhase, TakeoffRamp
-from sim_bridge.autopilot.telemetry import Telemetry
 from sim_bridge.vehicle import Vehicle, VelocityCommand
 
 __all__ = ["SimulatedAutopilot"]
@@ -111,8 +112,8 @@ class SimulatedAutopilot:
         self._tasks = FlightTasks(self.parameters, self.estimator, self.offboard)
         self._control = PositionControl(self.parameters, self.estimator, vehicle)
         self._commands = CommandService(self)
-        self._parameter_service = ParameterService(self.parameters)
-        self._builders = Telemetry(self).builders
+        self._services = Services(self)
+        self._builders = {**StatusTelemetry(self).builders, **MotionTelemetry(self).builders}
         start_us = round(1e6 * (FIRST_HEARTBEAT_S + 0.4 * float(rng.random())))
         self.streams = {link: StreamSchedule(link, self._builders, start_us) for link in LINKS}
         self._handlers = self._build_handlers()
@@ -162,6 +163,10 @@ class SimulatedAutopilot:
         """What position control asks for: north, east, down m/s, NaN where it does not."""
         return _NAN3 if self.setpoint is IDLE else self._control.velocity
 
+    def altitude_amsl_m(self, down_m: float) -> float:
+        """Altitude above mean sea level of a local height, m; above the local origin while that is unknown."""
+        return -down_m if self.origin is None else self.origin.altitude_m - down_m
+
     def health(self) -> Health:
         """What the modes' requirements are about, now."""
         valid = self.local_position_valid
@@ -204,7 +209,7 @@ class SimulatedAutopilot:
         self.vehicle.step(dt_s, command)
         self._land_detector.step(time_s, on_ground=self.vehicle.on_ground, armed=self.commander.armed, ramp=self._ramp)
         self.battery.step(dt_s, motors_on=command.motors_on)
-        self._outbox.extend(self._parameter_service.step(dt_s))
+        self._services.step(dt_s)
         now_us = self.boot_us
         for link, schedule in self.streams.items():
             for message in schedule.due(now_us):
@@ -270,7 +275,7 @@ class SimulatedAutopilot:
             )
             self._tasks.set_takeoff_down(None)
         else:
-            self._tasks.set_takeoff_down((0.0 if self.origin is None else self.origin.altitude_m) - altitude_m)
+            self._tasks.set_takeoff_down(self.altitude_amsl_m(0.0) - altitude_m)
 
     def _idle(self, time_s: float) -> None:
         self.setpoint = IDLE
@@ -317,17 +322,8 @@ class SimulatedAutopilot:
             mavlink.MAVLINK_MSG_ID_ODOMETRY: self._on_odometry,
             mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE: self._on_vision_position,
             mavlink.MAVLINK_MSG_ID_SET_GPS_GLOBAL_ORIGIN: self._on_set_origin,
-            mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
-            mavlink.MAVLINK_MSG_ID_PING: self._on_ping,
-            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._on_param_read,
-            mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: self._on_param_list,
-            mavlink.MAVLINK_MSG_ID_PARAM_SET: self._on_param_set,
-            mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: self._on_mission_list,
-            mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: self._on_mission_clear,
+            **self._services.handlers,
         }
-
-    def _is_for_us(self, message: Any) -> bool:
-        return message.target_system == self.system_id and message.target_component in (0, COMPONENT_ID)
 
     def _on_heartbeat(self, message: mavlink.MAVLink_heartbeat_message, link: LinkName) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
@@ -360,37 +356,3 @@ class SimulatedAutopilot:
         ):
             self.origin = GlobalOrigin(message.latitude * 1e-7, message.longitude * 1e-7, message.altitude * 1e-3)
             self.send_requested(link, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
-
-    def _on_timesync(self, message: mavlink.MAVLink_timesync_message, link: LinkName) -> None:
-        if message.tc1 == 0:
-            self.send(link, mavlink.MAVLink_timesync_message(self.boot_us * 1000, message.ts1))
-
-    def _on_ping(self, message: mavlink.MAVLink_ping_message, link: LinkName) -> None:
-        if message.target_system == 0:
-            system, component = message.get_srcSystem(), message.get_srcComponent()
-            self.send(link, mavlink.MAVLink_ping_message(message.time_usec, message.seq, system, component))
-
-    def _on_param_read(self, message: mavlink.MAVLink_param_request_read_message, link: LinkName) -> None:
-        if self._is_for_us(message):
-            for answer in self._parameter_service.read(message):
-                self.send(link, answer)
-
-    def _on_param_list(self, message: mavlink.MAVLink_param_request_list_message, link: LinkName) -> None:
-        if self._is_for_us(message):
-            self._parameter_service.request_list(link)
-
-    def _on_param_set(self, message: mavlink.MAVLink_param_set_message, link: LinkName) -> None:
-        if self._is_for_us(message):
-            for answer in self._parameter_service.set(message):
-                self.send(link, answer)
-
-    def _on_mission_list(self, message: mavlink.MAVLink_mission_request_list_message, link: LinkName) -> None:
-        if self._is_for_us(message):
-            system, component = message.get_srcSystem(), message.get_srcComponent()
-            self.send(link, mavlink.MAVLink_mission_count_message(system, component, 0, message.mission_type))
-
-    def _on_mission_clear(self, message: mavlink.MAVLink_mission_clear_all_message, link: LinkName) -> None:
-        if self._is_for_us(message):
-            system, component = message.get_srcSystem(), message.get_srcComponent()
-            accepted = mavlink.MAV_MISSION_ACCEPTED
-            self.send(link, mavlink.MAVLink_mission_ack_message(system, component, accepted, message.mission_type))

@@ -87,6 +87,11 @@ class StreamSchedule:
         self._now_us = 0
         self._next_us = start_us
 
+    @property
+    def message_ids(self) -> frozenset[int]:
+        """All messages that the link can carry."""
+        return frozenset(self._builders)
+
     def due(self, now_us: int) -> list[mavlink.MAVLink_message]:
         """The messages to send now. After a pause each is sent once, not as often as it was missed."""
         self._now_us = now_us

@@ -28,7 +28,7 @@ def test_every_message_packs_and_unpacks(hovering):
     """No field is out of its type's range in flight."""
     codec = Codec(3, 1)
     hovering.run(2.5)
-    for message_id in hovering.autopilot.streams["onboard"]._builders:
+    for message_id in hovering.autopilot.streams["onboard"].message_ids:
         hovering.autopilot.send_requested("onboard", message_id)
     hovering.collect()
     kinds = set()
