@@ -59,16 +59,26 @@ class SimulatedAutopilot:
         parameters: PX4 parameters that differ from their defaults. ``INDOOR_PARAMETERS`` leave motion capture as the
             only position source.
         rng: Source of the sensors' errors.
-        boot_time_s: When it was switched on, s. In the past, it is up and ready at the first step.
+        boot_time_s: When it was switched on, s; a time in the past has it booted and aligned at the first step.
         alignment_s: From the boot until tilt and heading are known, s; a PX4 in software-in-the-loop takes 30 to 36.
 
     Attributes:
         system_id: MAVLink system id.
         vehicle: The truth.
-        estimator: What the autopilot knows of it.
+        time_s: Time of the last call, s.
+        parameters: PX4's parameters.
+        estimator: What the autopilot knows of its motion.
+        vision: Motion capture as it comes in.
+        gps: The GPS receiver.
+        battery: The battery.
+        offboard: The stream of setpoints.
         commander: Armed or not, mode, failsafe.
         streams: What each link carries.
-        time_s: Time of the last call, s.
+        origin: Where the local frame is on Earth; None while unknown.
+        home: Home position: north m, east m, down m.
+        home_yaw_rad: Heading at home, rad.
+        home_set: Whether home is known.
+        setpoint: What the active mode asks for.
 
     Raises:
         ParameterError: PX4 has no such parameter.

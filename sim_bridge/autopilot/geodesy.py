@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 __all__ = ["EARTH_RADIUS_M", "GlobalOrigin"]
 
@@ -23,6 +23,8 @@ class GlobalOrigin:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
+    _sin: float = field(init=False, repr=False, compare=False)
+    _cos: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         latitude_rad = math.radians(self.latitude_deg)
@@ -35,8 +37,7 @@ class GlobalOrigin:
         if distance == 0.0:
             return self.latitude_deg, self.longitude_deg
         sin_c, cos_c = math.sin(distance), math.cos(distance)
-        sin_origin: float = self._sin  # type: ignore[attr-defined]
-        cos_origin: float = self._cos  # type: ignore[attr-defined]
+        sin_origin, cos_origin = self._sin, self._cos
         north, east = north_m / EARTH_RADIUS_M, east_m / EARTH_RADIUS_M
         latitude = math.asin(cos_c * sin_origin + north * sin_c * cos_origin / distance)
         longitude = math.atan2(east * sin_c, distance * cos_origin * cos_c - north * sin_origin * sin_c)
