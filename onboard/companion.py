@@ -302,6 +302,12 @@ class Companion:
         self._counts.plans += 1
         if time_s > job.slot.end_s:
             self._counts.deadline_misses += 1
+            late_ms, took_ms = 1e3 * (time_s - job.slot.end_s), 1e3 * plan.elapsed_s
+            budget_ms = 1e3 * job.budget_s
+            self._say(
+                mavlink.MAV_SEVERITY_WARNING,
+                f"plan {late_ms:.0f} ms late: planner took {took_ms:.0f} of {budget_ms:.0f} ms",
+            )
         if self.agent is None or self._clock is None or not self.machine.wants_plans:
             return
         mission = self._scenario.mission

@@ -50,7 +50,7 @@ class MissionConfig(Section):
     )
     planning_time_s: Positive = Field(default=0.5, description="T_ARVI of the whole group")
     planning_lead_s: NonNegative = Field(default=0.03, description="from the last planning slot to the epoch's start")
-    publishing_time_s: NonNegative = Field(default=0.015, description="kept of each slot for publishing the plan")
+    publishing_time_s: NonNegative = Field(default=0.03, description="kept of each slot for publishing the plan")
     measuring_delay_s: NonNegative = Field(default=0.08, description="from a step to its update: detections travel")
     takeoff_time_s: Positive = Field(default=12.0, description="from the start command to step 0, to reach the layers")
     fence: tuple[tuple[float, float], ...] = Field(
