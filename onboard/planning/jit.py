@@ -16,10 +16,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 @cache
-def source_digest() -> str:
-    """A digest of all of the planner's sources: compiled kernels are valid for exactly this text."""
+def source_digest(folder: Path = Path(__file__).parent) -> str:
+    """A digest of all sources of a package, by default the planner's: its kernels are valid for exactly this text."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(folder.glob("*.py")):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -43,8 +43,8 @@ def entry_kernel(function: Function) -> Function:
 
     Numba looks only at the file of the function itself when it decides whether cached code is still valid, and would
     go on running old code after a change in a kernel that this one calls. So the stamp is replaced by a digest of all
-    of the planner's sources.
+    sources of the function's package.
     """
     dispatcher = njit(nogil=True, _nrt=False, error_model="numpy", cache=True)(function)
-    dispatcher._cache._cache_file._source_stamp = source_digest()
+    dispatcher._cache._cache_file._source_stamp = source_digest(Path(function.__code__.co_filename).parent)
     return cast(Function, dispatcher)

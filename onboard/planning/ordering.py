@@ -65,10 +65,11 @@ def _partition(order: Order, begin: int, end: int, deadline_s: float) -> int:
     for i in range(begin, last):
         if (i - begin) % _CHECK_EVERY == _CHECK_EVERY - 1 and now_s(order.timespec) > deadline_s:
             return -1
-        if _before(keys[i], nodes[i], key, node):
-            keys[i], keys[store] = keys[store], keys[i]
-            nodes[i], nodes[store] = nodes[store], nodes[i]
-            store += 1
+        # Swapped always, counted only if smaller: no branch that the processor could mispredict.
+        own_key, own_node = keys[i], nodes[i]
+        keys[i], nodes[i] = keys[store], nodes[store]
+        keys[store], nodes[store] = own_key, own_node
+        store += (own_key < key) | ((own_key == key) & (own_node < node))
     keys[last], keys[store] = keys[store], keys[last]
     nodes[last], nodes[store] = nodes[store], nodes[last]
     return store
