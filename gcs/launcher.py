@@ -134,6 +134,7 @@ class _Flight:
         self._folder = folder
         self._problems: list[str] = []
         self._bridge_ended = False
+        self._incomplete = False
         self._director = MissionDirector(mission.step_s, mission.takeoff_time_s, options.duration_s)
         self._recorder = Recorder(folder) if options.record is not None else None
         self._station = GroundStation(options.scenario, director=self._director, recorder=self._recorder)
@@ -222,7 +223,8 @@ class _Flight:
             self._bridge_ended = True
             self._problem(f"the bridge ended: {child.reason}", child.last_lines)
         else:
-            self._station.dead.add(vehicle_id)
+            self._incomplete = True
+            self._station.team.onboard_ended(vehicle_id)
             self._problem(f"vehicle {vehicle_id}'s onboard process ended: {child.reason}", child.last_lines)
 
     def _cannot_go_on(self, team: TeamState) -> str | None:
@@ -230,7 +232,7 @@ class _Flight:
             return "nothing is left to fly without the bridge"
         if self._director.phase is not Phase.WAITING:
             return None
-        if self._station.dead:
+        if self._incomplete:
             return "the team is not complete, so nobody takes off"
         if self._stop.count:
             return "stopped before takeoff"

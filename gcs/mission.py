@@ -103,24 +103,18 @@ class MissionDirector:
         self._direct_from_s = min(self._direct_from_s, now_s + patience.direct_after_s)
         self._give_up_s = min(self._give_up_s, now_s + patience.give_up_after_s)
 
-    def update(self, team: TeamState, dead: frozenset[int] = frozenset()) -> list[Command]:
-        """What to command now.
-
-        Args:
-            team: The team at this moment.
-            dead: Vehicles whose onboard process is known to be gone.
-        """
-        now_s = team.time_s
-        self._advance(team, dead)
+    def update(self, team: TeamState) -> list[Command]:
+        """What to command now, given the team at this moment."""
+        self._advance(team)
         if self.phase in (Phase.STARTING, Phase.FLYING):
-            return [c for v in team.vehicles if v.id not in dead for c in self._start(v, now_s)]
+            return [command for vehicle in team.vehicles for command in self._start(vehicle, team.time_s)]
         if self.phase is Phase.LANDING:
-            return [c for v in team.vehicles for c in self._land(v, now_s, v.id in dead)]
+            return [command for vehicle in team.vehicles for command in self._land(vehicle, team.time_s)]
         return []
 
-    def _advance(self, team: TeamState, dead: frozenset[int]) -> None:
+    def _advance(self, team: TeamState) -> None:
         now_s = team.time_s
-        if self.phase is Phase.WAITING and not dead and all(_ready(vehicle) for vehicle in team.vehicles):
+        if self.phase is Phase.WAITING and all(_ready(vehicle) for vehicle in team.vehicles):
             self.phase = Phase.STARTING
             self.start_s = self._step_s * math.ceil((now_s + self._takeoff_time_s) / self._step_s - 1e-6)
         if self.phase is Phase.STARTING and self.start_s is not None and now_s >= self.start_s:
@@ -141,11 +135,11 @@ class MissionDirector:
         self._started_s[vehicle.id] = now_s
         return [start_command(vehicle.id, self.start_s)]
 
-    def _land(self, vehicle: VehicleState, now_s: float, is_dead: bool) -> list[Command]:
+    def _land(self, vehicle: VehicleState, now_s: float) -> list[Command]:
         """LAND to the onboard process, or straight to the autopilot when that process is gone, until it comes down."""
         if self._down(vehicle, now_s):
             return []
-        directly = is_dead or not vehicle.onboard_alive or now_s >= self._direct_from_s
+        directly = not vehicle.onboard_alive or now_s >= self._direct_from_s
         under_way = vehicle.mode == _LAND_MODE if directly else vehicle.flight_state in _COMING_DOWN
         to = (vehicle.id, AUTOPILOT if directly else ONBOARD)
         if under_way or now_s - self._land_asked_s.get(to, -math.inf) < _AGAIN_S:

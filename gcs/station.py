@@ -33,7 +33,6 @@ class GroundStation:
     Attributes:
         team: What the team's messages say.
         director: Decides what is commanded; None only watches.
-        dead: Vehicles whose onboard process is known to have ended.
     """
 
     def __init__(
@@ -54,7 +53,6 @@ class GroundStation:
         """
         self.team = TeamMonitor(scenario)
         self.director = director
-        self.dead: set[int] = set()
         self._scenario = scenario
         self._recorder = recorder
         self._clock = clock
@@ -116,7 +114,7 @@ class GroundStation:
         now_s = self._clock()
         self.team.advance(now_s)
         if self.director is not None:
-            for command in self.director.update(self.team.state(now_s), frozenset(self.dead)):
+            for command in self.director.update(self.team.state(now_s)):
                 self._commands.request(command, now_s)
         due, unanswered = self._commands.poll(now_s)
         for command in due:

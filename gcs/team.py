@@ -130,6 +130,10 @@ class TeamMonitor:
         elif vehicle is not None:
             self._receive_from_vehicle(message, vehicle, now_s)
 
+    def onboard_ended(self, vehicle_id: int) -> None:
+        """A vehicle's onboard process is known to be gone: no need to wait for its silence."""
+        self._vehicles[vehicle_id].onboard_ended()
+
     def note(self, time_s: float, severity: int, source: str, text: str) -> None:
         """Add an event of the ground's own."""
         self._events.append(Event(time_s, severity, source, text))

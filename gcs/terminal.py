@@ -140,7 +140,7 @@ def progress_line(team: TeamState, phase: str, time_left_s: float | None) -> str
     if team.figures.entropy_now_nats is not None:
         parts.append(f"entropy {team.figures.entropy_now_nats:.2f} nats")
     for vehicle in team.vehicles:
-        state = vehicle.flight_state.name if vehicle.flight_state is not None else "silent"
+        state = vehicle.flight_state.name if vehicle.flight_state is not None and vehicle.onboard_alive else "silent"
         misses = f" {vehicle.deadline_misses} late" if vehicle.deadline_misses else ""
         parts.append(f"{vehicle.id}: {state} {vehicle.mode or '-'} {_number(vehicle.height_m, 1, ' m')}{misses}")
     return f"{time.strftime('%H:%M:%S', time.localtime(team.time_s))}  " + " | ".join(parts)

@@ -164,6 +164,10 @@ class VehicleMonitor:
         """HEARTBEAT of component 191."""
         self._onboard_s = now_s
 
+    def onboard_ended(self) -> None:
+        """Its onboard process is gone; a heartbeat would say otherwise."""
+        self._onboard_s = None
+
     def planner_status(self, message: mavlink.MAVLink_planner_status_message) -> None:
         """PLANNER_STATUS, once a step."""
         self._status = message

@@ -10,7 +10,7 @@ from onboard.protocol import dialect as mavlink
 
 T0 = 1.5e9
 BRIDGE = 250
-GCS_TYPE_HEARTBEAT = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+ONBOARD_HEARTBEAT = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
 
 
 def belief(step_s, target=3, matrix=(4.0, 0.0, 4.0), vector=(4.0, 8.0)):
@@ -35,7 +35,7 @@ def texts(team):
 
 def test_each_component_speaks_for_its_own(team, heard, heartbeat, status):
     team.receive(heard(2, AUTOPILOT, heartbeat(armed=True, mode=0x00060000)), T0)
-    team.receive(heard(2, ONBOARD, GCS_TYPE_HEARTBEAT), T0 + 1.0)
+    team.receive(heard(2, ONBOARD, ONBOARD_HEARTBEAT), T0 + 1.0)
     team.receive(heard(2, ONBOARD, status(T0, state=FlightState.TRACK, mission_start_usec=round(T0 * 1e6))), T0)
     state = team.state(T0 + 2.0)
     second = state.vehicle(2)
@@ -94,13 +94,23 @@ def test_beliefs_that_are_none_are_counted(team, heard, bad):
 
 def test_silence_and_return_are_told_once(team, heard, heartbeat, texts):
     team.receive(heard(1, AUTOPILOT, heartbeat()), T0)
-    team.receive(heard(1, ONBOARD, GCS_TYPE_HEARTBEAT), T0)
+    team.receive(heard(1, ONBOARD, ONBOARD_HEARTBEAT), T0)
     for seconds in (4.0, 4.6, 5.0, 6.0):
         team.receive(heard(1, AUTOPILOT, heartbeat()), T0 + seconds - 0.1)
         team.advance(T0 + seconds)
     assert texts() == [("vehicle 1", "onboard process is silent: no heartbeat for 4.6 s")]
-    team.receive(heard(1, ONBOARD, GCS_TYPE_HEARTBEAT), T0 + 7.0)
+    team.receive(heard(1, ONBOARD, ONBOARD_HEARTBEAT), T0 + 7.0)
     assert texts() == [("vehicle 1", "onboard process is heard again")]
+
+
+def test_a_process_known_to_be_gone_is_not_waited_for(team, heard, texts):
+    team.receive(heard(1, ONBOARD, ONBOARD_HEARTBEAT), T0)
+    team.onboard_ended(1)
+    assert not team.state(T0 + 0.1).vehicle(1).onboard_alive
+    team.advance(T0 + 10.0)
+    assert texts() == [], "its end has been told"
+    team.receive(heard(1, ONBOARD, ONBOARD_HEARTBEAT), T0 + 11.0)
+    assert team.state(T0 + 11.0).vehicle(1).onboard_alive, "somebody started it again"
 
 
 def test_mode_changes_misses_and_texts_are_events(team, heard, heartbeat, status, texts):
