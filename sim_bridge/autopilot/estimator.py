@@ -176,8 +176,15 @@ class Estimator:
                 axis.velocity += min(_VELOCITY_GAIN_PER_S * step_s, 1.0) * (velocity[i] - axis.velocity)
         self._fused_s = time_s
 
-    def correct_yaw(self, time_s: float, yaw_rad: float) -> None:
-        """Fuse a heading, rad."""
+    def correct_yaw(self, time_s: float, yaw_rad: float, *, delay_s: float = 0.0) -> None:
+        """Fuse a heading.
+
+        Args:
+            time_s: Now, s.
+            yaw_rad: The heading, rad.
+            delay_s: Its age that is known to the autopilot (EKF2_EV_DELAY), s; the vehicle has turned since.
+        """
+        yaw_rad += delay_s * (self._vehicle.yaw_rate_rad_s + self._gyro_error)
         interval_s = time_s - self._yaw_fused_s
         if interval_s > POSITION_TIMEOUT_S:
             self.yaw_rad = wrap_angle(yaw_rad)

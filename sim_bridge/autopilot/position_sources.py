@@ -97,7 +97,7 @@ class ExternalVision:
         delay_s = 1e-3 * min(max(0.0, self._parameters["EKF2_EV_DELAY"]), _MAX_DELAY_MS)
         self._estimator.correct_position(time_s, position, velocity, rate_rad_s=VISION_RATE_RAD_S, delay_s=delay_s)
         if control & _YAW and math.isfinite(yaw_rad):
-            self._estimator.correct_yaw(time_s, float(yaw_rad))
+            self._estimator.correct_yaw(time_s, float(yaw_rad), delay_s=delay_s)
 
 
 class Gps:
