@@ -140,8 +140,18 @@ class ExplorationConfig(Section):
 class PlannerConfig(Section):
     """The search."""
 
+    use: Annotated[str, Field(min_length=1, max_length=200)] = Field(
+        default="arvi", description="a planner that comes with the project, or package.module:Class"
+    )
+    options: dict[str, bool | int | float | str] = Field(default_factory=dict, description="for that planner")
     node_limit: Annotated[int, Field(ge=1000, le=50_000_000)] = Field(default=1_000_000, description="memory bound")
     yaw_weight_m_rad: Positive = 1.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_alone(cls, given: object) -> object:
+        """``planner: greedy`` says the same as ``planner: {use: greedy}``."""
+        return {"use": given} if isinstance(given, str) else given
 
 
 class FlightConfig(Section):
@@ -150,7 +160,7 @@ class FlightConfig(Section):
     setpoint_rate_hz: Annotated[float, Field(ge=10.0, le=200.0)] = 50.0
     position_gain_per_s: NonNegative = 1.2
     max_correction_m_s: NonNegative = 0.5
-    velocity_lead_s: NonNegative = Field(default=0.15, description="how far ahead the velocity feed-forward is taken")
+    velocity_lead_s: NonNegative = Field(default=0.25, description="how far ahead the velocity feed-forward is taken")
     climb_m_s: Positive = 0.8
     return_speed_m_s: Positive = 1.0
     return_patience_s: Positive = Field(default=10.0, description="how long to wait above home for teammates")
