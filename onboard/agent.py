@@ -53,6 +53,7 @@ class Agent:
         scenario: Models, primitives, team.
         vehicle: This robot.
         clock: Mission time.
+        estimator: Another filter than one of its own, such as one that all robots share.
 
     Attributes:
         team: Who is in range.
@@ -60,7 +61,13 @@ class Agent:
         own_plan: The last plan; None before the first.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: VehicleConfig, clock: MissionClock) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        vehicle: VehicleConfig,
+        clock: MissionClock,
+        estimator: DistributedFilter | None = None,
+    ) -> None:
         self.team = TeamTable(vehicle.id, scenario.estimation.neighbour_timeout_s)
         self.grid = VisibilityGrid(
             scenario.mission.fence, scenario.exploration.cell_m, forget_after_s=scenario.exploration.forget_after_s
@@ -72,7 +79,7 @@ class Agent:
         self._sensor = scenario.sensor.build()
         self._primitives = scenario.primitive_set
         self._fence = np.array(scenario.mission.fence, dtype=np.float64)
-        self._filter = DistributedFilter(
+        self._filter = estimator or DistributedFilter(
             scenario.targets.build(),
             self._sensor,
             scenario.mission.step_s,

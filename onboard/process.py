@@ -16,7 +16,7 @@ from functools import partial
 from onboard.companion import Companion, LinkName, PlanningJob
 from onboard.config.schema import Scenario
 from onboard.planning.plan import Budget, Plan
-from onboard.planning.planner import Planner
+from onboard.planning.pluggable import PlannerSetup, load_planner
 from onboard.planning.warmup import warm_kernels
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.transport import Link, open_link
@@ -39,6 +39,7 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
 
     Raises:
         KeyError: The scenario has no such vehicle.
+        PlannerError: ``planner.use`` names no planner.
         TransportError: A link cannot be opened.
     """
     vehicle = scenario.vehicle(vehicle_id)
@@ -62,7 +63,10 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
 class _Process:
     def __init__(self, scenario: Scenario, vehicle_id: int) -> None:
         self._companion = Companion(scenario, vehicle_id, time.time())
-        self._planner = Planner(node_limit=scenario.planner.node_limit, yaw_weight=scenario.planner.yaw_weight_m_rad)
+        self._planner = load_planner(
+            scenario.planner.use,
+            PlannerSetup(scenario, vehicle_id, seed=vehicle_id, options=scenario.planner.options),
+        )
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._period_s = 1.0 / scenario.flight.setpoint_rate_hz
         self._links: dict[LinkName, Link] = {}

@@ -23,6 +23,10 @@ class Stream(IntEnum):
     RADIO = 4
     VEHICLE = 5
     AUTOPILOT = 6
+    LOCKSTEP_TARGETS = 7
+    LOCKSTEP_RADIO = 8
+    LOCKSTEP_START = 9
+    PLANNER = 10
 
 
 def generator(seed: int, stream: Stream, member: int = 0) -> np.random.Generator:
