@@ -43,6 +43,9 @@ STOPPED = 2
 _CLOCK_EVERY = 16
 _OUTLOOK = 0.5
 _CAUTION = 0.9
+_SCATTER_FACTOR = 0x9E3779B1
+_SCATTER_MASK = (1 << 32) - 1
+_SCATTER = 1e-9 / _SCATTER_MASK  # too small to reorder what differs
 _WORTHWHILE = 32  # a pass that could add less than this part of the tree is not begun
 
 
@@ -150,13 +153,16 @@ def _gather_level(tree: Tree, number: int, step: int, outlook: float) -> int:
     """List S_t in ``tree.order``; returns how many there are.
 
     The key is J, or where W limits the level ``J + outlook·log det Σ``: of two nodes with equal J the one that knows
-    more now has the better prospects.
+    more now has the better prospects. Among equals, as all are that have seen nothing yet, W then takes a scattered
+    choice and not the first ones, which would all have gone the same way.
     """
+    scatter = _SCATTER if outlook > 0.0 else 0.0
     count = 0
     for earlier in range(number + 1):
         for node in range(tree.node_runs[earlier, step, 0], tree.node_runs[earlier, step, 1]):
             tree.order.nodes[count] = node
-            tree.order.keys[count] = tree.nodes[node, COST] + outlook * tree.nodes[node, LOG_DET]
+            key = tree.nodes[node, COST] + outlook * tree.nodes[node, LOG_DET]
+            tree.order.keys[count] = key + scatter * ((node * _SCATTER_FACTOR) & _SCATTER_MASK)
             count += 1
     return count
 

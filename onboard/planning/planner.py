@@ -184,7 +184,7 @@ def _plan_from(
     lower_bounds(packed, np.empty((2, packed.blocks.prior.shape[1])), bounds)
     holding = [row for row in tree.passes[:passes] if row[5] and np.isfinite(row[2])]
     epsilon, delta = (float(holding[-1][2]), float(holding[-1][3])) if holding else (math.inf, math.inf)
-    complete = outcome == COMPLETE and (epsilon, delta) == (0.0, 0.0)
+    complete = feasible and outcome == COMPLETE and (epsilon, delta) == (0.0, 0.0)
     elapsed_s = time.perf_counter() - start_s
     last = schedule[min(passes, len(schedule) - 1) if feasible else 0]
     return Plan(

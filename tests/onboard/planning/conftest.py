@@ -153,10 +153,12 @@ class Oracle:
         if r >= sensor.max_range_m or (sensor.fov_rad < math.tau and abs(bearing) >= sensor.fov_rad / 2):
             return np.zeros((2, 2))
         f = sensor.noise_floor
-        variance = np.diag([
-            sensor.range_std_m**2 * (f + (1 - f) * r / sensor.max_range_m),
-            sensor.bearing_std_rad**2 * (f + (1 - f) * abs(bearing) / (sensor.fov_rad / 2)),
-        ])
+        variance = np.diag(
+            [
+                sensor.range_std_m**2 * (f + (1 - f) * r / sensor.max_range_m),
+                sensor.bearing_std_rad**2 * (f + (1 - f) * abs(bearing) / (sensor.fov_rad / 2)),
+            ]
+        )
         floored = max(r, sensor.min_range_m)
         h = np.array([[dn / r, de / r], [-de / r / floored, dn / r / floored]])
         return h.T @ np.linalg.solve(variance, h)
