@@ -199,9 +199,12 @@ def _refuse(text: str) -> NoReturn:
 
 
 def _version() -> str:
-    from importlib.metadata import version
+    from importlib.metadata import PackageNotFoundError, version
 
-    return version("arvi-flight-stack")
+    try:
+        return version("arvi-flight-stack")
+    except PackageNotFoundError:  # run from a source tree that was never installed
+        return "(not installed)"
 
 
 if __name__ == "__main__":
