@@ -269,6 +269,36 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
+    def _nobody_listens_where_another_does(self) -> Self:
+        taken = {self.ground.url: "ground.url"}
+        for i, vehicle in enumerate(self.vehicles):
+            urls = {"autopilot": vehicle.autopilot_url, "sensor": vehicle.sensor_url, "peers": vehicle.peers_url}
+            for name, url in urls.items():
+                # Several may send to one place, but not through the simulated radio, which knows them by their ports.
+                shared = url.startswith("mcast:") or (url.startswith("udpout:") and self.simulation is None)
+                if not shared and url in taken:
+                    raise ValueError(f"vehicles[{i}].links.{name}: {url} is also {taken[url]}; every link has its own")
+                taken[url] = f"vehicles[{i}].links.{name}"
+        return self
+
+    @model_validator(mode="after")
+    def _vehicles_can_fly_the_primitives(self) -> Self:
+        if self.simulation is None:
+            return self
+        limits = self.simulation.vehicles
+        for i, (speed, yaw_rate) in enumerate(self.primitives):
+            if speed > limits.max_speed_m_s:
+                raise ValueError(
+                    f"primitives[{i}]: {speed} m/s is beyond simulation.vehicles.max_speed_m_s = {limits.max_speed_m_s}"
+                )
+            if abs(yaw_rate) > limits.max_yaw_rate_rad_s:
+                raise ValueError(
+                    f"primitives[{i}]: {yaw_rate} rad/s is beyond simulation.vehicles.max_yaw_rate_rad_s = "
+                    f"{limits.max_yaw_rate_rad_s}"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _grid_fits_memory(self) -> Self:
         side_m = 32 * self.exploration.cell_m
         tiles = 1
