@@ -1,7 +1,8 @@
 """The distributed information filter of one robot (paper, Section IV-B, eq. 10–11).
 
 Every target is its own block: prediction, measurement and the geometric average of neighbours' beliefs concern one
-block each, so the joint matrix is never built, and cost and memory are linear in the number of targets.
+block each, so the joint matrix is never built, and cost and memory are linear in the number of targets. Blocks are
+stacked, and compiled kernels go over the stack.
 """
 
 from __future__ import annotations
@@ -13,17 +14,20 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.estimation import information
-from onboard.estimation.consensus import InformationPair, fuse, fusion_weights
+from onboard.estimation.block_stack import BlockStack, require_definite
 from onboard.estimation.errors import EstimationError
-from onboard.estimation.inbox import BeliefInbox, InboxCounts, checked_belief
-from onboard.estimation.measurement import Look, initial_information, is_plausible, position_information_of
+from onboard.estimation.inbox import BeliefInbox, InboxCounts
+from onboard.estimation.kernels import moments_of_blocks, scratch
+from onboard.estimation.look_kernels import pack_sensor
+from onboard.estimation.measurement import Look, is_plausible
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.estimation.target_models import TargetMotion
 from onboard.estimation.track import Track
 from onboard.messages import Belief
 
 __all__ = ["DistributedFilter", "FilterCounts"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +37,14 @@ class FilterCounts:
     Attributes:
         beliefs: Peers' beliefs, by what became of them.
         looks: Looks that updated or started a track.
-        looks_refused: Looks that were not finite or out of the sensor's range.
+        looks_refused: Looks that were not finite, out of the sensor's range, or at one target too many.
+        forgotten: Tracks dropped by :meth:`DistributedFilter.forget`; nothing else ever drops one.
     """
 
     beliefs: InboxCounts
     looks: int
     looks_refused: int
+    forgotten: int
 
 
 class DistributedFilter:
@@ -75,14 +81,20 @@ class DistributedFilter:
         self.motion = motion
         self.sensor = sensor
         self.step_s = step_s
-        self._initial_speed_std_m_s = initial_speed_std_m_s
+        self._speed_precision = 1.0 / initial_speed_std_m_s**2
+        self._packed_sensor = pack_sensor(sensor)
+        self._work = scratch(motion.model.state_size)
         self._max_targets = max_targets
-        self._inbox = BeliefInbox(max_message_age_steps, max_targets)
+        self._inbox = BeliefInbox(motion.model, max_message_age_steps, max_targets)
         self._step: int | None = None
+        self._ids: list[int] = []
+        self._vectors = np.empty((0, motion.model.state_size))
+        self._matrices = np.empty((0, motion.model.state_size, motion.model.state_size))
         self._tracks: dict[int, Track] = {}
         self._discovered: dict[int, int] = {}
         self._looks = 0
         self._looks_refused = 0
+        self._forgotten = 0
 
     @property
     def step(self) -> int | None:
@@ -102,7 +114,7 @@ class DistributedFilter:
     @property
     def counts(self) -> FilterCounts:
         """What was received and what was refused."""
-        return FilterCounts(self._inbox.counts, self._looks, self._looks_refused)
+        return FilterCounts(self._inbox.counts, self._looks, self._looks_refused, self._forgotten)
 
     def receive(self, belief: Belief) -> None:
         """Take in a peer's posterior, at any time and in any order.
@@ -114,7 +126,7 @@ class DistributedFilter:
         Raises:
             EstimationError: It is malformed or implausible; nothing has changed.
         """
-        self._inbox.put(checked_belief(belief, self.motion.model), self._step)
+        self._inbox.put(belief, self._step)
 
     def advance(self, step: int, neighbours: Collection[int], looks: Sequence[Look]) -> None:
         """Fuse, predict and measure: from the posterior at the step before to the posterior at ``step``.
@@ -135,18 +147,23 @@ class DistributedFilter:
         if self._step is not None and step <= self._step:
             raise EstimationError(f"cannot advance to step {step}: the filter is at step {self._step}")
         before = step - 1
-        beliefs = self._predict_own(before)
-        for target_id, heard in self._inbox.take(before, neighbours).items():
-            own = beliefs.get(target_id)
-            if own is None and len(beliefs) >= self._max_targets:
-                continue
-            beliefs[target_id] = self._fuse(own, heard, before, len(neighbours))
-        beliefs = self._predict_all(beliefs, self.step_s)
-        for look in looks:
-            self._measure(beliefs, look)
+        looks = self._plausible(looks)
+        heard = self._inbox.take(before, neighbours)
+        stack = BlockStack(self.motion, self._ids, self._vectors, self._matrices, self._work)
+        # targets heard of come before those only seen, so that the known are always the first rows
+        heard = [belief for belief in heard if stack.add(belief.target_id, self._max_targets)]
+        seen = [look for look in looks if stack.add(look.target_id, self._max_targets)]
+        self._looks += len(seen)
+        self._looks_refused += len(looks) - len(seen)
+        stack.allocate()
+        if self._step is not None:
+            stack.predict((before - self._step) * self.step_s)
+        stack.fuse(heard, before, len(neighbours), self.step_s)
+        stack.predict(self.step_s)
+        stack.measure(self._packed_sensor, self._speed_precision, seen)
         self._step = step
-        self._tracks = {i: Track(i, self.motion, step, *beliefs[i]) for i in sorted(beliefs)}
-        for target_id in self._tracks:
+        self._keep(*stack.in_order())
+        for target_id in self._ids:
             self._discovered.setdefault(target_id, step)
 
     def beliefs(self, sender: int, degree: int) -> list[Belief]:
@@ -169,7 +186,7 @@ class DistributedFilter:
             for track in self._tracks.values()
         ]
 
-    def predicted(self, step: int) -> dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def predicted(self, step: int) -> dict[int, tuple[Array, Array]]:
         """Mean (n,) and covariance (n, n) of every target at a step, with no measurement in between: for planning.
 
         Raises:
@@ -179,70 +196,41 @@ class DistributedFilter:
             return {}
         if step < self._step:
             raise EstimationError(f"cannot predict back to step {step}: the filter is at step {self._step}")
-        vectors = np.array([track.information_vector for track in self._tracks.values()])
-        matrices = np.array([track.information_matrix for track in self._tracks.values()])
-        means, covariances = information.predict_covariance(
-            self.motion,
-            (step - self._step) * self.step_s,
-            information.mean(vectors, matrices),
-            information.spd_inverse(matrices),
+        means, covariances = np.empty_like(self._vectors), np.empty_like(self._matrices)
+        duration_s = (step - self._step) * self.step_s
+        transition, noise = self.motion.transition(duration_s), self.motion.process_noise(duration_s)
+        require_definite(
+            moments_of_blocks(transition, noise, self._vectors, self._matrices, means, covariances, self._work)
         )
-        return {
-            target_id: (mean, covariance)
-            for target_id, mean, covariance in zip(self._tracks, means, covariances, strict=True)
-        }
+        return {target_id: (means[row], covariances[row]) for row, target_id in enumerate(self._ids)}
 
-    def forget(self, target_id: int) -> None:
-        """Drop a target's track and what waits of it; later beliefs and looks start it anew."""
-        self._tracks.pop(target_id, None)
+    def forget(self, target_id: int) -> Track:
+        """Drop a target's track and what waits of it; later beliefs and looks start it anew.
+
+        This is the only way in which a track ends, and it is counted.
+
+        Returns:
+            The track that was dropped.
+
+        Raises:
+            EstimationError: There is no such track.
+        """
+        if target_id not in self._tracks:
+            raise EstimationError(f"cannot forget target {target_id}: there is no track of it")
+        dropped = self._tracks[target_id]
         self._inbox.discard(target_id)
+        rest = [row for row, i in enumerate(self._ids) if i != target_id]
+        self._keep([self._ids[row] for row in rest], self._vectors[rest], self._matrices[rest])
+        self._forgotten += 1
+        return dropped
 
-    def _predict_own(self, step: int) -> dict[int, InformationPair]:
-        own = {i: (track.information_vector, track.information_matrix) for i, track in self._tracks.items()}
-        steps = 0 if self._step is None else step - self._step
-        return self._predict_all(own, steps * self.step_s)
+    def _keep(self, ids: list[int], vectors: Array, matrices: Array) -> None:
+        """Take over arrays that are never written to again: tracks and beliefs are views of them."""
+        self._ids, self._vectors, self._matrices = ids, vectors, matrices
+        step = 0 if self._step is None else self._step
+        self._tracks = {i: Track(i, self.motion, step, vectors[row], matrices[row]) for row, i in enumerate(ids)}
 
-    def _predict_all(self, beliefs: dict[int, InformationPair], duration_s: float) -> dict[int, InformationPair]:
-        if not beliefs or duration_s == 0.0:
-            return beliefs
-        vectors, matrices = information.predict_information(
-            self.motion,
-            duration_s,
-            np.array([vector for vector, _ in beliefs.values()]),
-            np.array([matrix for _, matrix in beliefs.values()]),
-        )
-        return dict(zip(beliefs, zip(vectors, matrices, strict=True), strict=True))
-
-    def _fuse(self, own: InformationPair | None, heard: list[Belief], step: int, degree: int) -> InformationPair:
-        own_weight, weights = fusion_weights(degree, [belief.degree for belief in heard], knows=own is not None)
-        pairs = [
-            information.predict_information(
-                self.motion,
-                (step - belief.step) * self.step_s,
-                belief.information_vector,
-                belief.information_matrix,
-            )
-            for belief in heard
-        ]
-        return fuse(weights, pairs) if own is None else fuse([own_weight, *weights], [own, *pairs])
-
-    def _measure(self, beliefs: dict[int, InformationPair], look: Look) -> None:
-        known = beliefs.get(look.target_id)
-        if not is_plausible(self.sensor, look) or (known is None and len(beliefs) >= self._max_targets):
-            self._looks_refused += 1
-            return
-        self._looks += 1
-        if known is None:
-            beliefs[look.target_id] = initial_information(self.sensor, self.motion, look, self._initial_speed_std_m_s)
-            return
-        vector, matrix = known
-        position_vector, position_matrix = position_information_of(
-            self.sensor,
-            look,
-            information.mean(vector, matrix)[:2],
-            information.spd_inverse(matrix)[:2, :2],
-        )
-        vector, matrix = vector.copy(), matrix.copy()
-        vector[:2] += position_vector
-        matrix[:2, :2] += position_matrix
-        beliefs[look.target_id] = vector, matrix
+    def _plausible(self, looks: Sequence[Look]) -> list[Look]:
+        plausible = [look for look in looks if is_plausible(self.sensor, look)]
+        self._looks_refused += len(looks) - len(plausible)
+        return plausible

@@ -4,22 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.estimation import information
 from onboard.estimation.errors import EstimationError
+from onboard.estimation.kernels import check_information, scratch
 from onboard.estimation.target_models import TargetModel
 from onboard.messages import Belief
 
-__all__ = ["BeliefInbox", "InboxCounts", "checked_belief"]
+__all__ = ["BeliefInbox", "HeardBelief", "InboxCounts"]
 
 MAX_DEGREE = 255
 MAX_MEAN = 1e6
-MIN_STD, MAX_STD = 1e-6, 1e6
+MIN_INFORMATION, MAX_INFORMATION = 1e-12, 1e12
+"""Of the diagonal of Ω: standard deviations of 1e6 to 1e-6 m or m/s."""
 MAX_ASYMMETRY = 1e-5
 MIN_SCALED_EIGENVALUE = 1e-7
 """Of Ω scaled to a unit diagonal. Entries come in single precision, so what is smaller than that is rounding."""
+
+
+class HeardBelief(NamedTuple):
+    """A belief that has been checked.
+
+    Attributes:
+        target_id: Which target.
+        sender: System id.
+        step: Mission step that it holds at.
+        degree: How many neighbours the sender has.
+        information_vector: ω, (n,), a copy of one's own.
+        information_matrix: Ω, (n, n), exactly symmetric, a copy of one's own.
+    """
+
+    target_id: int
+    sender: int
+    step: int
+    degree: int
+    information_vector: NDArray[np.float64]
+    information_matrix: NDArray[np.float64]
 
 
 @dataclass
@@ -45,47 +69,24 @@ class InboxCounts:
     too_many: int = 0
 
 
-def checked_belief(belief: Belief, model: TargetModel) -> Belief:
-    """The belief with an exactly symmetric Ω, if it is one that can be fused.
-
-    Raises:
-        EstimationError: Another model, a wrong shape, not finite, not symmetric, not positive definite, or so wide,
-            narrow or far away that it cannot be of this world.
-    """
-    who = f"belief of vehicle {belief.sender} on target {belief.target_id} at step {belief.step}"
-    size = model.state_size
-    if belief.model is not model:
-        raise EstimationError(f"{who}: model {belief.model}, this team's is {model}")
-    vector = np.array(belief.information_vector, dtype=np.float64)
-    matrix = np.asarray(belief.information_matrix, dtype=np.float64)
-    if vector.shape != (size,) or matrix.shape != (size, size):
-        raise EstimationError(
-            f"{who}: information of shapes {vector.shape} and {matrix.shape}, "
-            f"{model} has ({size},) and ({size}, {size})"
-        )
-    if not 0 <= belief.degree <= MAX_DEGREE:
-        raise EstimationError(f"{who}: degree {belief.degree} is not within 0..{MAX_DEGREE}")
-    if not (np.isfinite(vector).all() and np.isfinite(matrix).all()):
-        raise EstimationError(f"{who}: information that is not finite")
-    diagonal = np.diagonal(matrix)
-    if (diagonal <= 0.0).any():
-        raise EstimationError(f"{who}: information matrix is not positive definite (diagonal {diagonal.tolist()})")
-    if diagonal.min() < MAX_STD**-2 or diagonal.max() > MIN_STD**-2:
-        raise EstimationError(f"{who}: implausible information, its diagonal {diagonal.tolist()} is not within 1e±12")
-    scale = np.sqrt(np.outer(diagonal, diagonal))
-    if (np.abs(matrix - matrix.T) > MAX_ASYMMETRY * scale).any():
-        raise EstimationError(f"{who}: information matrix is not symmetric")
-    matrix = 0.5 * (matrix + matrix.T)
-    if np.linalg.eigvalsh(matrix / scale)[0] < MIN_SCALED_EIGENVALUE:
-        raise EstimationError(f"{who}: information matrix is not positive definite")
-    mean = information.mean(vector, matrix)
-    if np.abs(mean).max() > MAX_MEAN:
-        raise EstimationError(f"{who}: implausible mean {mean.tolist()}")
-    return Belief(belief.sender, belief.step, belief.target_id, model, belief.degree, vector, matrix)
+def _defect_in_words(defect: int, vector: NDArray[np.float64], matrix: NDArray[np.float64]) -> str:
+    """What :func:`check_information` found, in words."""
+    diagonal = np.diagonal(matrix).tolist()
+    match defect:
+        case 1:
+            return "information that is not finite"
+        case 2:
+            return f"information matrix is not positive definite (diagonal {diagonal})"
+        case 3:
+            return f"implausible information, its diagonal {diagonal} is not within 1e±12"
+        case 4:
+            return "information matrix is not symmetric"
+        case _:
+            return f"implausible mean {information.mean(vector, matrix).tolist()}"
 
 
 class BeliefInbox:
-    """Holds beliefs between reception and fusion; the order and number of receptions do not matter.
+    """Checks beliefs and holds them until fusion; the order and number of receptions do not matter.
 
     Memory is bounded: at most ``max_age_steps + 2`` beliefs for each sender and target, and ``max_targets`` targets.
 
@@ -93,24 +94,66 @@ class BeliefInbox:
         counts: What became of the beliefs so far.
     """
 
-    def __init__(self, max_age_steps: int, max_targets: int) -> None:
-        self.counts = InboxCounts()
-        self._max_age_steps = max_age_steps
-        self._max_targets = max_targets
-        self._waiting: dict[int, dict[int, dict[int, Belief]]] = {}  # by target, sender, step
-        self._fused_step: dict[tuple[int, int], int] = {}  # by target, sender
-
-    def put(self, belief: Belief, current_step: int | None) -> None:
-        """Keep a checked belief, or drop and count it.
+    def __init__(self, model: TargetModel, max_age_steps: int, max_targets: int) -> None:
+        """An empty inbox.
 
         Args:
-            belief: As :func:`checked_belief` gives it.
-            current_step: Step of one's own posterior, the next that is fused; None before the first.
+            model: The team's target model.
+            max_age_steps: How many steps older than one's own posterior a belief may be.
+            max_targets: Of how many targets beliefs may wait.
         """
-        counts, target_id, sender, step = self.counts, belief.target_id, belief.sender, belief.step
-        by_step = self._waiting.get(target_id, {}).get(sender, {})
-        fused_step = self._fused_step.get((target_id, sender))
-        if step in by_step or step == fused_step:
+        self.counts = InboxCounts()
+        self._model = model
+        self._shapes = ((model.state_size,), (model.state_size, model.state_size))
+        self._work = scratch(model.state_size)
+        self._max_age_steps = max_age_steps
+        self._max_targets = max_targets
+        self._waiting: dict[tuple[int, int], dict[int, HeardBelief]] = {}  # by (target, sender), then step
+        self._senders: dict[int, int] = {}  # by target: of how many something waits
+        self._fused_step: dict[tuple[int, int], int] = {}
+        self._purge_at = 64
+
+    def put(self, belief: Belief, current_step: int | None) -> None:
+        """Keep a copy of a belief, or drop and count it.
+
+        Args:
+            belief: As received.
+            current_step: Step of one's own posterior, the next that is fused; None before the first.
+
+        Raises:
+            EstimationError: Another model, a wrong shape, not finite, not symmetric, not positive definite, or so
+                wide, narrow or far away that it cannot be of this world; nothing has changed.
+        """
+        vector = np.array(belief.information_vector, dtype=np.float64, order="C")
+        matrix = np.array(belief.information_matrix, dtype=np.float64, order="C")
+        complaint = self._complaint(belief, vector, matrix)
+        if complaint is not None:
+            raise EstimationError(
+                f"belief of vehicle {belief.sender} on target {belief.target_id} at step {belief.step}: {complaint}"
+            )
+        self._keep(
+            HeardBelief(belief.target_id, belief.sender, belief.step, belief.degree, vector, matrix), current_step
+        )
+
+    def _complaint(self, belief: Belief, vector: NDArray[np.float64], matrix: NDArray[np.float64]) -> str | None:
+        """What is wrong with a belief, if anything; Ω is made exactly symmetric in place."""
+        if belief.model is not self._model:
+            return f"model {belief.model}, this team's is {self._model}"
+        if (vector.shape, matrix.shape) != self._shapes:
+            expected = f"{self._model} has {self._shapes[0]} and {self._shapes[1]}"
+            return f"information of shapes {vector.shape} and {matrix.shape}, {expected}"
+        if not 0 <= belief.degree <= MAX_DEGREE:
+            return f"degree {belief.degree} is not within 0..{MAX_DEGREE}"
+        defect = check_information(
+            vector, matrix, MIN_INFORMATION, MAX_INFORMATION, MAX_ASYMMETRY, MIN_SCALED_EIGENVALUE, MAX_MEAN, self._work
+        )
+        return None if defect == 0 else _defect_in_words(defect, vector, matrix)
+
+    def _keep(self, belief: HeardBelief, current_step: int | None) -> None:
+        counts, step, key = self.counts, belief.step, (belief.target_id, belief.sender)
+        by_step = self._waiting.get(key)
+        fused_step = self._fused_step.get(key)
+        if step == fused_step or (by_step is not None and step in by_step):
             counts.duplicate += 1
         elif fused_step is not None and step < fused_step:
             counts.superseded += 1
@@ -118,46 +161,69 @@ class BeliefInbox:
             counts.too_old += 1
         elif current_step is not None and step > current_step + 1:
             counts.from_future += 1
-        elif target_id not in self._waiting and len(self._waiting) >= self._max_targets:
-            counts.too_many += 1
-        else:
+        elif by_step is not None:
             counts.accepted += 1
-            by_step = self._waiting.setdefault(target_id, {}).setdefault(sender, {})
             by_step[step] = belief
             if len(by_step) > self._max_age_steps + 2:
                 del by_step[min(by_step)]
                 counts.too_old += 1
+        elif belief.target_id not in self._senders and len(self._senders) >= self._max_targets:
+            counts.too_many += 1
+        else:
+            counts.accepted += 1
+            self._waiting[key] = {step: belief}
+            self._senders[belief.target_id] = self._senders.get(belief.target_id, 0) + 1
 
-    def take(self, step: int, neighbours: Collection[int]) -> dict[int, list[Belief]]:
+    def take(self, step: int, neighbours: Collection[int]) -> list[HeardBelief]:
         """Each neighbour's newest belief of each target, not after ``step`` and not too old: the ones to fuse at it.
 
         Returns:
-            By target, in ascending order; beliefs in the order of their senders, so that sums do not depend on the
-            order of reception.
+            Ordered by target, then sender, so that sums do not depend on the order of reception.
         """
-        taken: dict[int, list[Belief]] = {}
-        for target_id in sorted(self._waiting):
-            by_sender = self._waiting[target_id]
-            for sender in sorted(by_sender):
-                by_step = by_sender[sender]
-                for old in [s for s in by_step if s < step - self._max_age_steps]:
-                    del by_step[old]
-                    self.counts.too_old += 1
+        taken = []
+        oldest = step - self._max_age_steps
+        for key in sorted(self._waiting):
+            by_step = self._waiting[key]
+            if len(by_step) == 1 and key[1] in neighbours:  # nearly always: only the belief of this very step
+                ((only, belief),) = by_step.items()
+                if oldest <= only <= step:
+                    taken.append(belief)
+                    self._fused_step[key] = only
+                    self._drop(key)
+                    continue
+            for old in [s for s in by_step if s < oldest]:
+                del by_step[old]
+                self.counts.too_old += 1
+            if key[1] in neighbours:
                 usable = [s for s in by_step if s <= step]
-                if sender in neighbours and usable:
+                if usable:
                     newest = max(usable)
-                    taken.setdefault(target_id, []).append(by_step[newest])
-                    self._fused_step[target_id, sender] = newest
-                    self.counts.fused += 1
+                    taken.append(by_step[newest])
+                    self._fused_step[key] = newest
                     self.counts.superseded += len(usable) - 1
                     for s in usable:
                         del by_step[s]
-                if not by_step:
-                    del by_sender[sender]
-            if not by_sender:
-                del self._waiting[target_id]
+            if not by_step:
+                self._drop(key)
+        self.counts.fused += len(taken)
+        self._purge(oldest)
         return taken
 
     def discard(self, target_id: int) -> None:
         """Throw away what waits of a target; beliefs that were fused once stay fused."""
-        self._waiting.pop(target_id, None)
+        for key in [key for key in self._waiting if key[0] == target_id]:
+            self._drop(key)
+
+    def _drop(self, key: tuple[int, int]) -> None:
+        del self._waiting[key]
+        if self._senders[key[0]] == 1:
+            del self._senders[key[0]]
+        else:
+            self._senders[key[0]] -= 1
+
+    def _purge(self, oldest: int) -> None:
+        """Forget what was fused so long ago that anything before it is refused as too old; now and then."""
+        if len(self._fused_step) > self._purge_at:
+            # the next reception is judged by the filter's step, one after the one fused here
+            self._fused_step = {key: s for key, s in self._fused_step.items() if s > oldest}
+            self._purge_at = 2 * len(self._fused_step) + 64

@@ -59,19 +59,21 @@ def initial_information(
     """ω and Ω after the first look at an unknown target: (n,), (n, n).
 
     The position is the measured one. Its covariance is the measurement's, taken from polar to NED coordinates by the
-    Jacobian: ``Σ_pp = V_r u uᵀ + r² V_α t tᵀ`` with u the line of sight and t its normal, so that
-    ``Ω_pp = u uᵀ/V_r + t tᵀ/(r² V_α)``; r is floored at the sensor's ``min_range_m``. The velocity is 0 ± the given
-    standard deviation per axis.
+    Jacobian: ``Σ_pp = V_r u uᵀ + r² V_α t tᵀ + σ_p² I`` with u the line of sight and t its normal, so that
+    ``Ω_pp = u uᵀ/(V_r + σ_p²) + t tᵀ/(r² V_α + σ_p²)``; r is floored at the sensor's ``min_range_m``, and the robot's
+    yaw has its share in V_α. The velocity is 0 ± the given standard deviation per axis.
     """
     bearing = wrap_angle(look.bearing_rad)
     distance = max(look.range_m, sensor.min_range_m)
-    range_variance, bearing_variance = sensor.variances(distance, bearing)
+    range_variance, bearing_variance = _variances(sensor, distance, bearing)
+    place = sensor.position_std_m**2
     direction = look.pose.yaw_rad + bearing
     u = np.array([math.cos(direction), math.sin(direction)])
     t = np.array([-u[1], u[0]])
     size = motion.model.state_size
     matrix = np.eye(size) / speed_std_m_s**2
-    matrix[:2, :2] = np.outer(u, u) / range_variance + np.outer(t, t) / (distance**2 * bearing_variance)
+    matrix[:2, :2] = np.outer(u, u) / (range_variance + place)
+    matrix[:2, :2] += np.outer(t, t) / (distance**2 * bearing_variance + place)
     state = np.zeros(size)
     state[:2] = measured_position(look)
     return matrix @ state, matrix
@@ -90,12 +92,19 @@ def position_information_of(
     V stays at ŷ because there it does not depend on the look's own noise: taken at y, a range that came out short would
     make itself more trusted.
 
+    The robot's own place is uncertain by σ_p per axis, and so the position *relative to it*, of which alone the look
+    speaks, is by ``Σ + σ_p² I``: y is found for that. Of what the look says there, ``(m, M)``, the part that holds for
+    the target in the mission frame is ``((I + σ_p² M)⁻¹ m, (M⁻¹ + σ_p² I)⁻¹)``: no single look makes a position surer
+    than σ_p, however near it was made.
+
     Args:
         sensor: The sensor that made the look.
         look: The measurement; its innovation in bearing is wrapped.
         mean: Predicted position ŷ, (2,), m.
         covariance: Σ of the predicted position, (2, 2), m².
     """
+    place = sensor.position_std_m**2 * np.eye(2)
+    covariance = covariance + place
     problem = _Update(sensor, look, mean, covariance)
     point = min((mean, np.array(measured_position(look))), key=problem.exponent)
     for _ in range(MAX_ITERATIONS):
@@ -107,7 +116,15 @@ def position_information_of(
         point = moved
         if moved_m < STEP_TOLERANCE_M:
             break
-    return problem.linearise(point)
+    vector, matrix = problem.linearise(point)
+    blurred = np.linalg.solve(np.eye(2) + place @ matrix, np.column_stack([vector, matrix]))
+    return np.asarray(blurred[:, 0]), np.asarray(0.5 * (blurred[:, 1:] + blurred[:, 1:].T))
+
+
+def _variances(sensor: RangeBearingSensor, range_m: float, bearing_rad: float) -> tuple[float, float]:
+    """V_r and V_α with the share of the robot's own yaw."""
+    range_variance, bearing_variance = sensor.variances(range_m, bearing_rad)
+    return range_variance, bearing_variance + sensor.yaw_std_rad**2
 
 
 class _Update:
@@ -118,7 +135,7 @@ class _Update:
         self._look = look
         self._mean = mean
         self._lower = np.linalg.cholesky(covariance)
-        self._variances = np.array(sensor.variances(*sensor.measure(look.pose, float(mean[0]), float(mean[1]))))
+        self._variances = np.array(_variances(sensor, *sensor.measure(look.pose, float(mean[0]), float(mean[1]))))
 
     def exponent(self, point: Array) -> float:
         """Negative logarithm of the posterior at a position, up to a constant."""

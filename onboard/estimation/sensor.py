@@ -24,6 +24,9 @@ class RangeBearingSensor:
         fov_rad: φ, full opening angle of the field of view, rad; 2π sees all round.
         noise_floor: f, the share of both variances that remains at range 0 and bearing 0; 1 gives constant noise.
         min_range_m: Floor of r wherever it divides, m.
+        position_std_m: σ_p, standard deviation of the robot's own position per axis, m: a look says where a target is
+            relative to the robot, so this comes on top of what :meth:`variances` gives.
+        yaw_std_rad: σ_θ, standard deviation of the robot's own yaw, rad.
     """
 
     range_std_m: float
@@ -32,6 +35,8 @@ class RangeBearingSensor:
     fov_rad: float
     noise_floor: float = 0.1
     min_range_m: float = 0.1
+    position_std_m: float = 0.0
+    yaw_std_rad: float = 0.0
 
     @property
     def sees_all_round(self) -> bool:
@@ -50,7 +55,7 @@ class RangeBearingSensor:
         return range_m < self.max_range_m and (self.sees_all_round or abs(bearing_rad) < 0.5 * self.fov_rad)
 
     def variances(self, range_m: float, bearing_rad: float) -> tuple[float, float]:
-        """``V_r`` (m²) and ``V_α`` (rad²): grow linearly from the noise floor up to σ²."""
+        """``V_r`` (m²) and ``V_α`` (rad²) of the sensor alone: grow linearly from the noise floor up to σ²."""
         f = self.noise_floor
         range_share = min(range_m / self.max_range_m, 1.0)
         bearing_share = min(abs(bearing_rad) / (0.5 * self.fov_rad), 1.0)
@@ -71,11 +76,19 @@ class RangeBearingSensor:
         return np.array([[cosine, sine], [-sine / r, cosine / r]])
 
     def position_information(self, pose: Pose, north_m: float, east_m: float) -> NDArray[np.float64]:
-        """Information ``M = HᵀV⁻¹H`` of one look on a position, shape (2, 2), m⁻²; zero where it is not seen."""
+        """Information of one look on a position, shape (2, 2), m⁻²; zero where it is not seen.
+
+        ``M = HᵀV⁻¹H`` with σ_θ² added to V_α, and with an uncertain place of the robot ``(M⁻¹ + σ_p² I)⁻¹``:
+        ``u uᵀ/(V_r + σ_p²) + t tᵀ/(r²(V_α + σ_θ²) + σ_p²)``.
+        """
         distance, bearing = self.measure(pose, north_m, east_m)
         if not self.sees(distance, bearing):
             return np.zeros((2, 2))
-        jacobian = self.position_jacobian(pose, north_m, east_m)
         range_variance, bearing_variance = self.variances(distance, bearing)
-        scaled = jacobian / np.sqrt([[range_variance], [bearing_variance]])
-        return scaled.T @ scaled
+        across_m = max(distance, self.min_range_m)
+        # rows of H: u, and t/r with the floored r
+        jacobian = self.position_jacobian(pose, north_m, east_m) * [[1.0], [across_m]]
+        place = self.position_std_m**2
+        variances = [range_variance + place, across_m**2 * (bearing_variance + self.yaw_std_rad**2) + place]
+        scaled = jacobian / np.sqrt(variances)[:, None]
+        return np.asarray(scaled.T @ scaled)

@@ -13,7 +13,9 @@ import numpy as np
 
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.estimation.target_models import TargetModel, TargetMotion
+from onboard.estimation.warmup import warm_filter
 from onboard.geometry import Pose
+from onboard.mapping.line_of_sight import warm_line_of_sight
 from onboard.planning.jit import source_digest
 from onboard.planning.plan import Budget
 from onboard.planning.planner import Planner
@@ -24,7 +26,7 @@ __all__ = ["warm_kernels"]
 
 
 def warm_kernels() -> None:
-    """Compile every kernel, or load it from the cache on disk.
+    """Compile every kernel of an onboard process, or load it from the cache on disk.
 
     Numba's cache is not made for several processes that compile at once. So this holds a lock while it works: of
     several processes that start together one compiles, and the others wait and load.
@@ -34,6 +36,8 @@ def warm_kernels() -> None:
     """
     with _lock_path().open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        warm_filter()
+        warm_line_of_sight()
         Planner(node_limit=64).plan(_small_problem(), Budget(nodes=32))
 
 

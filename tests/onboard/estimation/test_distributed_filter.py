@@ -237,10 +237,14 @@ def test_forgotten_targets_are_gone_and_can_come_back():
     ours.receive(belief(step=0))
     ours.advance(1, {2}, [])
     ours.receive(belief(step=1))
-    ours.forget(1)
-    ours.forget(77)
+    last = ours.tracks[1]
+    assert ours.forget(1) is last
+    assert ours.counts.forgotten == 1
+    assert not ours.tracks
     ours.advance(2, {2}, [])
     assert not ours.tracks
+    with pytest.raises(EstimationError, match="no track"):
+        ours.forget(1)
     ours.receive(belief(step=2))
     ours.advance(3, {2}, [])
     assert list(ours.tracks) == [1]

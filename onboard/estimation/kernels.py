@@ -1,0 +1,303 @@
+"""The filter's arithmetic for all targets at once, compiled.
+
+Each kernel does to a stack of blocks what a function of ``information.py`` or ``consensus.py`` does to one in plain
+numpy; those are what to read, and what the tests hold these to. Sums run in the order of their arguments.
+
+Shapes: M blocks of n states (2 or 4), K beliefs heard. Arrays are contiguous; kernels allocate nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from onboard.planning.jit import entry_kernel, kernel
+
+__all__ = [
+    "check_information",
+    "factor",
+    "fuse_blocks",
+    "invert",
+    "moments_of_blocks",
+    "predict_blocks",
+    "scratch",
+    "solve",
+]
+
+Array = NDArray[np.float64]
+
+
+def scratch(size: int) -> Array:
+    """Room for a kernel's intermediate matrices: (4, n, n)."""
+    return np.empty((4, size, size))
+
+
+@kernel
+def factor(matrix: Array, lower: Array) -> bool:
+    """Lower Cholesky factor; False if the matrix is not positive definite."""
+    size = matrix.shape[0]
+    for i in range(size):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= lower[i, k] * lower[j, k]
+            if i > j:
+                lower[i, j] = rest / lower[j, j]
+            elif rest > 0.0:
+                lower[i, i] = math.sqrt(rest)
+            else:
+                return False
+    return True
+
+
+@kernel
+def solve(lower: Array, vector: Array) -> None:
+    """``vector ← (L Lᵀ)⁻¹ vector``."""
+    size = lower.shape[0]
+    for i in range(size):
+        for k in range(i):
+            vector[i] -= lower[i, k] * vector[k]
+        vector[i] /= lower[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            vector[i] -= lower[k, i] * vector[k]
+        vector[i] /= lower[i, i]
+
+
+@kernel
+def invert(lower: Array, half: Array, inverse: Array) -> None:
+    """``inverse ← L⁻ᵀ L⁻¹``: exactly symmetric, whatever the rounding."""
+    size = lower.shape[0]
+    for j in range(size):
+        for i in range(j, size):
+            rest = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                rest -= lower[i, k] * half[k, j]
+            half[i, j] = rest / lower[i, i]
+    for i in range(size):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(i, size):
+                total += half[k, i] * half[k, j]
+            inverse[i, j] = total
+            inverse[j, i] = total
+
+
+@kernel
+def _propagate(transition: Array, noise: Array, covariance: Array, half: Array) -> None:
+    """``Σ ← A Σ Aᵀ + W``."""
+    size = transition.shape[0]
+    for i in range(size):
+        for j in range(size):
+            total = 0.0
+            for k in range(size):
+                total += transition[i, k] * covariance[k, j]
+            half[i, j] = total
+    for i in range(size):
+        for j in range(i + 1):
+            total = noise[i, j]
+            for k in range(size):
+                total += half[i, k] * transition[j, k]
+            covariance[i, j] = total
+            covariance[j, i] = total
+
+
+@entry_kernel
+def moments_of_blocks(
+    transition: Array, noise: Array, vectors: Array, matrices: Array, means: Array, covariances: Array, work: Array
+) -> int:
+    """Mean and covariance of blocks after a prediction: ``A ŷ`` and ``A Σ Aᵀ + W``.
+
+    Args:
+        transition: A, (n, n).
+        noise: W, (n, n).
+        vectors: ω, (M, n).
+        matrices: Ω, (M, n, n).
+        means: Out, (M, n).
+        covariances: Out, (M, n, n).
+        work: As :func:`scratch` gives it.
+
+    Returns:
+        −1, or the first block whose Ω is not positive definite; from there on nothing was written.
+    """
+    size = transition.shape[0]
+    lower, half, mean = work[0], work[1], work[2, 0]
+    for block in range(vectors.shape[0]):
+        if not factor(matrices[block], lower):
+            return block
+        for i in range(size):
+            mean[i] = vectors[block, i]
+        solve(lower, mean)
+        for i in range(size):
+            total = 0.0
+            for k in range(size):
+                total += transition[i, k] * mean[k]
+            means[block, i] = total
+        invert(lower, half, covariances[block])
+        _propagate(transition, noise, covariances[block], half)
+    return -1
+
+
+@entry_kernel
+def predict_blocks(transition: Array, noise: Array, vectors: Array, matrices: Array, work: Array) -> int:
+    """Eq. (11), predict step, in place: ``Ω ← (A Ω⁻¹ Aᵀ + W)⁻¹``, ``ω ← Ω A ŷ``.
+
+    Args:
+        transition: A, (n, n).
+        noise: W, (n, n).
+        vectors: ω, (M, n).
+        matrices: Ω, (M, n, n).
+        work: As :func:`scratch` gives it.
+
+    Returns:
+        −1, or the first block whose Ω is not positive definite.
+    """
+    size = transition.shape[0]
+    lower, half, covariance, mean = work[0], work[1], work[2], work[3, 0]
+    for block in range(vectors.shape[0]):
+        vector, matrix = vectors[block], matrices[block]
+        if not factor(matrix, lower):
+            return block
+        for i in range(size):
+            mean[i] = vector[i]
+        solve(lower, mean)
+        invert(lower, half, covariance)
+        _propagate(transition, noise, covariance, half)
+        for i in range(size):
+            total = 0.0
+            for k in range(size):
+                total += transition[i, k] * mean[k]
+            vector[i] = total
+        if not factor(covariance, lower):
+            return block
+        invert(lower, half, matrix)
+        for i in range(size):
+            mean[i] = vector[i]
+        for i in range(size):
+            total = 0.0
+            for k in range(size):
+                total += matrix[i, k] * mean[k]
+            vector[i] = total
+    return -1
+
+
+@entry_kernel
+def fuse_blocks(
+    degree: int,
+    known: NDArray[np.bool_],
+    vectors: Array,
+    matrices: Array,
+    owners: NDArray[np.int64],
+    degrees: NDArray[np.int64],
+    heard_vectors: Array,
+    heard_matrices: Array,
+) -> None:
+    """Eq. (10) in place: ``ω ← Σ κ_j ω_j``, ``Ω ← Σ κ_j Ω_j``, with the weights of ``consensus.fusion_weights``.
+
+    Args:
+        degree: d_i, this robot's number of neighbours.
+        known: (M,) whether this robot has a belief of the block; True for every fused block afterwards.
+        vectors: Own ω, (M, n).
+        matrices: Own Ω, (M, n, n).
+        owners: (K,) index of the block that a heard belief concerns, ascending.
+        degrees: (K,) d_j of the senders.
+        heard_vectors: (K, n).
+        heard_matrices: (K, n, n).
+    """
+    size, count = vectors.shape[1], owners.shape[0]
+    first = 0
+    while first < count:
+        block = owners[first]
+        last = first
+        while last < count and owners[last] == block:
+            last += 1
+        own_degree = max(degree, last - first)
+        total = 0.0
+        for k in range(first, last):
+            total += 1.0 / (1.0 + max(own_degree, degrees[k]))
+        own_weight, scale = (1.0 - total, 1.0) if known[block] else (0.0, 1.0 / total)
+        vector, matrix = vectors[block], matrices[block]
+        for i in range(size):
+            vector[i] *= own_weight
+            for j in range(size):
+                matrix[i, j] *= own_weight
+        for k in range(first, last):
+            weight = scale / (1.0 + max(own_degree, degrees[k]))
+            for i in range(size):
+                vector[i] += weight * heard_vectors[k, i]
+                for j in range(size):
+                    matrix[i, j] += weight * heard_matrices[k, i, j]
+        known[block] = True
+        first = last
+
+
+@entry_kernel
+def check_information(
+    vector: Array,
+    matrix: Array,
+    lowest: float,
+    highest: float,
+    asymmetry: float,
+    smallest_eigenvalue: float,
+    farthest: float,
+    work: Array,
+) -> int:
+    """Whether ω, (n,), and Ω, (n, n), are a Gaussian that can be fused; Ω is made exactly symmetric in place.
+
+    Args:
+        vector: ω.
+        matrix: Ω.
+        lowest: Of its diagonal, m⁻² or s²/m².
+        highest: Of its diagonal.
+        asymmetry: Largest ``|Ω_ij − Ω_ji|/sqrt(Ω_ii Ω_jj)``.
+        smallest_eigenvalue: Lower bound of the eigenvalues of Ω scaled to a unit diagonal: they all lie above s iff
+            Ω − s·I, so scaled, has a Cholesky factor.
+        farthest: Bound of the mean's entries, m or m/s.
+        work: As :func:`scratch` gives it.
+
+    Returns:
+        0, or what is wrong: 1 not finite, 2 not positive definite, 3 diagonal out of bounds, 4 not symmetric, 5 mean
+        out of bounds.
+    """
+    size = vector.shape[0]
+    lower, scaled, mean = work[0], work[1], work[2, 0]
+    defect = _defect_of_entries(vector, matrix, lowest, highest)
+    if defect != 0:
+        return defect
+    for i in range(size):
+        for j in range(i):
+            scale = math.sqrt(matrix[i, i] * matrix[j, j])
+            if abs(matrix[i, j] - matrix[j, i]) > asymmetry * scale:
+                return 4
+            matrix[i, j] = matrix[j, i] = 0.5 * (matrix[i, j] + matrix[j, i])
+            scaled[i, j] = matrix[i, j] / scale
+        scaled[i, i] = 1.0 - smallest_eigenvalue
+    if not factor(scaled, lower) or not factor(matrix, lower):
+        return 2
+    for i in range(size):
+        mean[i] = vector[i]
+    solve(lower, mean)
+    for i in range(size):
+        if not abs(mean[i]) <= farthest:
+            return 5
+    return 0
+
+
+@kernel
+def _defect_of_entries(vector: Array, matrix: Array, lowest: float, highest: float) -> int:
+    size = vector.shape[0]
+    for i in range(size):
+        if not math.isfinite(vector[i]):
+            return 1
+        for j in range(size):
+            if not math.isfinite(matrix[i, j]):
+                return 1
+    for i in range(size):
+        if matrix[i, i] <= 0.0:
+            return 2
+    for i in range(size):
+        if not lowest <= matrix[i, i] <= highest:
+            return 3
+    return 0
