@@ -1,7 +1,8 @@
 """What one look tells about a position: the information matrix of eq. (13)–(15), compiled.
 
-``M = a·u uᵀ + b·t tᵀ``, u the line of sight, t its normal, ``a = 1/V_r``, ``b = 1/(r²·V_α)``. It is linear in the two
-numbers a and b, and with constant noise neither needs an angle nor a square root.
+``M = a·u uᵀ + b·t tᵀ``, u the line of sight, t its normal, ``a = 1/(V_r + σ_p²)``, ``b = 1/(r²·V_α + σ_p²)`` with the
+uncertainty σ_p of the robot's own place, and its yaw's in V_α. It is linear in the two numbers a and b, and with
+constant noise neither needs an angle nor a square root.
 """
 
 from __future__ import annotations
@@ -24,9 +25,11 @@ class PackedSensor(NamedTuple):
     all_round: bool
     signed_cosine_squared: float
     half_fov_rad: float
-    range_precision: float
-    bearing_precision: float
+    range_variance: float
+    bearing_variance: float
     noise_floor: float
+    position_variance: float
+    yaw_variance: float
 
 
 def pack_sensor(sensor: RangeBearingSensor) -> PackedSensor:
@@ -39,9 +42,11 @@ def pack_sensor(sensor: RangeBearingSensor) -> PackedSensor:
         all_round=bool(sensor.sees_all_round),
         signed_cosine_squared=cosine * abs(cosine),
         half_fov_rad=0.5 * float(sensor.fov_rad),
-        range_precision=1.0 / float(sensor.range_std_m) ** 2,
-        bearing_precision=1.0 / float(sensor.bearing_std_rad) ** 2,
+        range_variance=float(sensor.range_std_m) ** 2,
+        bearing_variance=float(sensor.bearing_std_rad) ** 2,
         noise_floor=float(sensor.noise_floor),
+        position_variance=float(sensor.position_std_m) ** 2,
+        yaw_variance=float(sensor.yaw_std_rad) ** 2,
     )
 
 
@@ -82,11 +87,12 @@ def look_weights(
         north, east, unit = cosine, sine, 1.0
     else:
         unit = 1.0 / squared
-    along = sensor.range_precision
-    across = sensor.bearing_precision
+    range_variance, bearing_variance = sensor.range_variance, sensor.bearing_variance
     if sensor.noise_floor < 1.0:
         grows = 1.0 - sensor.noise_floor
-        along /= sensor.noise_floor + grows * math.sqrt(squared) / sensor.max_range_m
+        range_variance *= sensor.noise_floor + grows * math.sqrt(squared) / sensor.max_range_m
         bearing = abs(math.atan2(east * cosine - north * sine, north * cosine + east * sine)) if squared > 0.0 else 0.0
-        across /= sensor.noise_floor + grows * min(bearing / sensor.half_fov_rad, 1.0)
-    return along * unit, across * unit / max(squared, sensor.min_range_squared), north, east
+        bearing_variance *= sensor.noise_floor + grows * min(bearing / sensor.half_fov_rad, 1.0)
+    across_variance = max(squared, sensor.min_range_squared) * (bearing_variance + sensor.yaw_variance)
+    along = unit / (range_variance + sensor.position_variance)
+    return along, unit / (across_variance + sensor.position_variance), north, east
