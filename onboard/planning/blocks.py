@@ -58,7 +58,7 @@ def unpack_block(packed: NDArray[np.float64]) -> NDArray[np.float64]:
 @inlined_kernel
 def predict(
     rows: NDArray[np.float64],
-    row: int,
+    row: int | np.int64,
     process_noise: NDArray[np.float64],
     step_s: float,
     n4: int,
@@ -166,4 +166,4 @@ def add_information(packed: NDArray[np.float64], k: int, four: bool, m11: float,
         packed[k + 4] = f11 * c12 + f12 * c22
         packed[k + 5] = f21 * c11 + f22 * c21
         packed[k + 6] = f21 * c12 + f22 * c22
-    return det_f
+    return float(det_f)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
@@ -13,7 +15,8 @@ __all__ = ["now_s"]
 _CLOCK_MONOTONIC = 1  # Linux; time.perf_counter reads the same clock there
 
 # Linked by its symbol, so that kernels which read the clock can be cached on disk.
-_clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.CPointer(types.int64)))
+_types: Any = types
+_clock_gettime: Any = types.ExternalFunction("clock_gettime", _types.intc(_types.intc, _types.CPointer(_types.int64)))
 
 
 @kernel
@@ -24,4 +27,4 @@ def now_s(timespec: NDArray[np.int64]) -> float:
         timespec: (2,) scratch that receives seconds and nanoseconds.
     """
     _clock_gettime(_CLOCK_MONOTONIC, timespec.ctypes)
-    return timespec[0] + 1e-9 * timespec[1]
+    return float(timespec[0]) + 1e-9 * float(timespec[1])

@@ -152,4 +152,4 @@ def crosses(nodes: NDArray[np.float64], first: int, second: int, delta: float, y
     de = nodes[first, EAST] - nodes[second, EAST]
     turn = abs(nodes[first, YAW] - nodes[second, YAW])
     turn = yaw_weight * min(turn, 2.0 * math.pi - turn)
-    return dn * dn + de * de + turn * turn <= delta * delta
+    return bool(dn * dn + de * de + turn * turn <= delta * delta)

@@ -48,7 +48,9 @@ def block_offset(blocks: PackedBlocks, block: int) -> int:
 
 
 @kernel
-def predict_row(blocks: PackedBlocks, rows: NDArray[np.float64], row: int, step: int, out: NDArray[np.float64]) -> None:
+def predict_row(
+    blocks: PackedBlocks, rows: NDArray[np.float64], row: int | np.int64, step: int, out: NDArray[np.float64]
+) -> None:
     """Write row ``row``, predicted to ``step`` and with the teammates' looks added, into ``out``, shape (L,)."""
     predict(rows, row, blocks.process_noise, blocks.step_s, blocks.n4, blocks.n2, out)
     if blocks.team_looks[step] > 0:
@@ -93,7 +95,7 @@ def _find_near(
             near[count, 2], near[count, 3], near[count, 4] = p11, p12, p22
             near[count, 5] = p11 * p22 - p12 * p12
             count += 1
-    return count
+    return int(count)
 
 
 @kernel
@@ -189,7 +191,7 @@ def open_node(problem: PackedProblem, tree: Tree, node: int, step: int) -> int:
         problem.blocks, problem.sensor, step,
         tree.nodes[node, NORTH], tree.nodes[node, EAST], tree.nodes[node, YAW], prediction,
     )  # fmt: skip
-    row = tree.counters[ROWS]
+    row = int(tree.counters[ROWS])
     for k in range(prediction.shape[0]):
         tree.rows[row, k] = prediction[k]
     return row

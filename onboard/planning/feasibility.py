@@ -153,7 +153,7 @@ def _is_blocked(bounds: PackedBounds, north: float, east: float) -> bool:
     column = math.floor((east - bounds.origin_east_m) / bounds.cell_m)
     if row < 0 or column < 0 or row >= bounds.blocked.shape[0] or column >= bounds.blocked.shape[1]:
         return False
-    return bounds.blocked[int(row), int(column)]
+    return bool(bounds.blocked[int(row), int(column)])
 
 
 @kernel
@@ -189,7 +189,7 @@ def _is_far_from_all(bounds: PackedBounds, north: float, east: float) -> bool:
     if row < 0 or column < 0 or row >= rows or column >= columns:
         return False
     # A point is at least (distance − 1) whole cells away from a blocked one.
-    return (bounds.clear_cells[int(row), int(column)] - 1) * bounds.cell_m > bounds.reach_m
+    return bool((bounds.clear_cells[int(row), int(column)] - 1) * bounds.cell_m > bounds.reach_m)
 
 
 @inlined_kernel

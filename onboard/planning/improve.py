@@ -145,7 +145,7 @@ def _allowance(problem: PackedProblem, tree: Tree, limits: Limits, levels: int) 
         now = now_s(tree.order.timespec)
         seconds_per_row = (now - limits.start_s) / tree.counters[EXPANDED]
         rows = min(rows, np.int64(_CAUTION * max(limits.deadline_s - now, 0.0) / seconds_per_row))
-    return rows // levels
+    return int(rows // levels)
 
 
 @inlined_kernel

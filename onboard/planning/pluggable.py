@@ -26,7 +26,7 @@ from onboard.planning.problem import Problem
 if TYPE_CHECKING:
     from onboard.config.schema import Scenario
 
-__all__ = ["BUILT_IN", "PathPlanner", "PlannerError", "PlannerSetup", "load_planner", "plan_of"]
+__all__ = ["BUILT_IN", "STATELESS", "PathPlanner", "PlannerError", "PlannerSetup", "load_planner", "plan_of"]
 
 BUILT_IN: Mapping[str, str] = MappingProxyType(
     {
@@ -38,6 +38,9 @@ BUILT_IN: Mapping[str, str] = MappingProxyType(
     }
 )
 """Short names of the planners that come with the project."""
+
+STATELESS = frozenset({"arvi", "greedy", "exhaustive"})
+"""Of these, the ones that remember nothing from plan to plan: robots that plan in turn can share one."""
 
 
 class PlannerError(OnboardError):

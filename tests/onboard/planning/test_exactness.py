@@ -64,7 +64,7 @@ def test_arvi_to_the_end_equals_fvi_theorem_1_iii(seed, planner, make_problem):
 def test_arvi_equals_fvi_on_deeper_problems_where_poses_coincide(seed, planner, make_problem):
     """Turning on the spot leads to the same pose in many orders, so that redundancy at (0, 0) prunes."""
     problem = make_problem(seed, horizon=4, bounded=False)
-    spin = tuple(Primitive(0.0, rate) for rate in (0.0, 1.0, -1.0)) + (Primitive(1.0, 0.0),)
+    spin = (*tuple(Primitive(0.0, rate) for rate in (0.0, 1.0, -1.0)), Primitive(1.0, 0.0))
     problem = replace(problem, primitives=spin)
     plan, exhaustive = planner.plan(problem), planner.fvi(problem)
     assert plan.complete
