@@ -48,6 +48,7 @@ class Estimate:
         east_m: Mean, m.
         position_std_m: Root of the trace of the position's covariance, m.
         entropy_nats: ½ log det(2πe Σ) of the whole state, nats.
+        covariance_m2: Of the position: north-north, north-east, east-east, m²; None where it was not kept.
     """
 
     robot: int
@@ -56,6 +57,7 @@ class Estimate:
     east_m: float
     position_std_m: float
     entropy_nats: float
+    covariance_m2: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,7 @@ class TargetState:
         known_by: Robots whose belief is recent.
         best: The recent estimate of smallest entropy.
         truth: True north m, east m, when the ground is told.
+        estimates: The recent estimate of each robot that has one, by system id.
     """
 
     id: int
@@ -75,6 +78,7 @@ class TargetState:
     known_by: tuple[int, ...]
     best: Estimate | None
     truth: tuple[float, float] | None
+    estimates: tuple[Estimate, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +117,15 @@ def estimate(belief: Belief, clock: MissionClock) -> Estimate:
     whitener = np.linalg.solve(factor, np.eye(size))
     mean = whitener.T @ (whitener @ belief.information_vector)
     log_det = -2.0 * float(np.log(np.diag(factor)).sum())
+    covariance = whitener[:, :2].T @ whitener[:, :2]
     return Estimate(
         robot=belief.sender,
         time_s=clock.time_of(belief.step),
         north_m=float(mean[0]),
         east_m=float(mean[1]),
-        position_std_m=float(np.sqrt((whitener[:, :2] ** 2).sum())),
+        position_std_m=float(np.sqrt(np.trace(covariance))),
         entropy_nats=0.5 * (size * math.log(2.0 * math.pi * math.e) + log_det),
+        covariance_m2=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
     )
 
 
@@ -217,6 +223,7 @@ class EstimateMetrics:
                     known_by=tuple(sorted(e.robot for e in recent)),
                     best=min(recent, key=lambda e: e.entropy_nats, default=None),
                     truth=samples[-1][1:] if samples else None,
+                    estimates=tuple(sorted(recent, key=lambda e: e.robot)),
                 )
             )
         return tuple(states)

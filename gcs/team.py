@@ -5,20 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gcs.commands import AUTOPILOT, ONBOARD
+from gcs.explored import ExploredArea, ExploredMonitor
 from gcs.metrics import EstimateMetrics, MetricsFigures, NotGaussianError, TargetState
 from gcs.output import printable
 from gcs.vehicle import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleMonitor, VehicleState
 from onboard.clock import MissionClock
 from onboard.config import Scenario
+from onboard.mapping.errors import MappingError
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.status_text import StatusTextAssembler
-from onboard.protocol.team_messages import MessageError, read_belief
+from onboard.protocol.team_messages import MessageError, primitives_checksum, read_belief, read_plan, read_tile
 
 __all__ = ["Event", "TeamMonitor", "TeamState"]
 
 _WANTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_ARVI_PLAN,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_EXPLORED_TILE,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
@@ -32,7 +36,7 @@ _WANTED = frozenset(
 )
 """Messages that :meth:`TeamMonitor.receive` has a use for."""
 
-_THROTTLE_S = {mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.2}
+_THROTTLE_S = {mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.18, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.18}
 """Messages that come more often than the ground needs them: one is read in this time, s."""
 
 
@@ -64,6 +68,7 @@ class TeamState:
         target_count: How many there are; None when nobody knows.
         figures: RMSE and entropy so far.
         mission_start_s: UNIX time of step 0; None before a vehicle has taken it.
+        explored: What the team has seen of the mission area; None before the first word of it.
     """
 
     time_s: float
@@ -72,6 +77,7 @@ class TeamState:
     target_count: int | None
     figures: MetricsFigures
     mission_start_s: float | None
+    explored: ExploredArea | None = None
 
     @property
     def discovered(self) -> int:
@@ -96,6 +102,9 @@ class TeamMonitor:
         self._grid = MissionClock(0.0, scenario.mission.step_s)
         self.metrics = EstimateMetrics(self._grid)
         self.rejected = 0
+        self._checksum = primitives_checksum(scenario.primitive_set)
+        self._primitive_count = len(scenario.primitives)
+        self._explored = ExploredMonitor(scenario)
         self._texts = StatusTextAssembler()
         self._simulation = scenario.simulation
         self._vehicles = {vehicle.id: VehicleMonitor(vehicle.id) for vehicle in scenario.vehicles}
@@ -141,6 +150,7 @@ class TeamMonitor:
     def advance(self, now_s: float) -> None:
         """Let time pass: evaluates finished steps, and notices who has fallen silent."""
         self.metrics.advance(now_s)
+        self._explored.advance(now_s)
         for vehicle in self._vehicles.values():
             state = vehicle.state(now_s)
             for component, name, age in (
@@ -166,7 +176,15 @@ class TeamMonitor:
         count = self._simulation.ground_robots.count if self._simulation is not None else None
         if count is None and self.metrics.truth_targets:
             count = self.metrics.truth_targets
-        return TeamState(now_s, vehicles, targets, count, self.metrics.figures(), max(starts, default=None))
+        return TeamState(
+            time_s=now_s,
+            vehicles=vehicles,
+            targets=targets,
+            target_count=count,
+            figures=self.metrics.figures(),
+            mission_start_s=max(starts, default=None),
+            explored=self._explored.area(),
+        )
 
     def figures(self) -> dict[int, VehicleFigures]:
         """Each vehicle's flight in figures, by system id."""
@@ -188,13 +206,17 @@ class TeamMonitor:
             case mavlink.MAVLink_planner_status_message():
                 self._planner_status(message, vehicle, now_s)
             case mavlink.MAVLink_arvi_plan_message():
-                vehicle.plan(message)
+                self._plan(message, vehicle)
             case mavlink.MAVLink_target_belief_message():
                 self._belief(message, vehicle, now_s)
+            case mavlink.MAVLink_explored_tile_message():
+                self._tile(message, now_s)
             case mavlink.MAVLink_sys_status_message():
                 vehicle.battery(message.battery_remaining)
             case mavlink.MAVLink_local_position_ned_message():
-                vehicle.local_position(message.z)
+                vehicle.local_position(message, now_s)
+            case mavlink.MAVLink_attitude_message():
+                vehicle.attitude(message.yaw, now_s)
             case mavlink.MAVLink_extended_sys_state_message():
                 vehicle.landed_state(message.landed_state)
             case mavlink.MAVLink_statustext_message():
@@ -229,10 +251,22 @@ class TeamMonitor:
         self, message: mavlink.MAVLink_planner_status_message, vehicle: VehicleMonitor, now_s: float
     ) -> None:
         misses = vehicle.deadline_misses
-        vehicle.planner_status(message)
+        vehicle.planner_status(message, now_s)
         if vehicle.deadline_misses > misses:
             text = f"a plan was late ({vehicle.deadline_misses} so far)"
             self.note(now_s, mavlink.MAV_SEVERITY_WARNING, f"vehicle {vehicle.id}", text)
+
+    def _plan(self, message: mavlink.MAVLink_arvi_plan_message, vehicle: VehicleMonitor) -> None:
+        try:
+            vehicle.plan(read_plan(message, self._grid, self._checksum, self._primitive_count))
+        except MessageError:
+            self.rejected += 1
+
+    def _tile(self, message: mavlink.MAVLink_explored_tile_message, now_s: float) -> None:
+        try:
+            self._explored.receive(read_tile(message), now_s)
+        except MappingError:
+            self.rejected += 1
 
     def _belief(self, message: mavlink.MAVLink_target_belief_message, vehicle: VehicleMonitor, now_s: float) -> None:
         try:

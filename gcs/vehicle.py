@@ -6,7 +6,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from onboard.messages import FlightState
+from onboard.messages import FlightState, PeerPlan
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.px4_modes import Px4Mode
 
@@ -17,6 +17,7 @@ HEARTBEAT_TIMEOUT_S = 4.5
 
 _RATE_WINDOW_S = 4.0
 _AIRBORNE_HEIGHT_M = 0.3
+_FRESH_S = 1.0
 _AIRBORNE_LANDED_STATES = (
     mavlink.MAV_LANDED_STATE_IN_AIR,
     mavlink.MAV_LANDED_STATE_TAKEOFF,
@@ -52,6 +53,10 @@ class VehicleState:
         flew: Whether it has been in the air since the ground station started.
         landed: Whether it has flown and is on the ground again.
         status_text: The last text that it sent.
+        yaw_rad: Heading, clockwise from north, rad.
+        speed_m_s: Over ground, m/s.
+        position_age_s: Since its position was heard, s.
+        plan: The last plan that it published; its step counts from 1970.
     """
 
     id: int
@@ -77,6 +82,10 @@ class VehicleState:
     flew: bool
     landed: bool
     status_text: str | None
+    yaw_rad: float | None = None
+    speed_m_s: float | None = None
+    position_age_s: float | None = None
+    plan: PeerPlan | None = None
 
     @property
     def onboard_alive(self) -> bool:
@@ -140,10 +149,14 @@ class VehicleMonitor:
         self._autopilot_s: float | None = None
         self._onboard_s: float | None = None
         self._status: mavlink.MAVLink_planner_status_message | None = None
-        self._plan: mavlink.MAVLink_arvi_plan_message | None = None
+        self._status_s: float | None = None
+        self._plan: PeerPlan | None = None
+        self._local: mavlink.MAVLink_local_position_ned_message | None = None
+        self._local_s: float | None = None
+        self._attitude_yaw_rad: float | None = None
+        self._attitude_s: float | None = None
         self._truth: mavlink.MAVLink_vehicle_truth_message | None = None
         self._battery: float | None = None
-        self._local_down_m: float | None = None
         self._landed_state = int(mavlink.MAV_LANDED_STATE_UNDEFINED)
         self._flew = False
         self._status_text: str | None = None
@@ -168,9 +181,10 @@ class VehicleMonitor:
         """Its onboard process is gone; a heartbeat would say otherwise."""
         self._onboard_s = None
 
-    def planner_status(self, message: mavlink.MAVLink_planner_status_message) -> None:
+    def planner_status(self, message: mavlink.MAVLink_planner_status_message, now_s: float) -> None:
         """PLANNER_STATUS, once a step."""
         self._status = message
+        self._status_s = now_s
         self._recent.append(message)
         while message.time_usec - self._recent[0].time_usec > _RATE_WINDOW_S * 1e6:
             self._recent.popleft()
@@ -181,11 +195,11 @@ class VehicleMonitor:
                 self._tracking_error_count += 1
         self._note_flight()
 
-    def plan(self, message: mavlink.MAVLink_arvi_plan_message) -> None:
+    def plan(self, plan: PeerPlan) -> None:
         """ARVI_PLAN, once an epoch."""
-        self._plan = message
-        self._planning_times_s.append(message.planning_time)
-        self._budgets_s.append(message.budget)
+        self._plan = plan
+        self._planning_times_s.append(plan.planning_time_s)
+        self._budgets_s.append(plan.budget_s)
 
     def truth(self, message: mavlink.MAVLink_vehicle_truth_message) -> None:
         """VEHICLE_TRUTH, of a simulated vehicle."""
@@ -195,9 +209,15 @@ class VehicleMonitor:
         """SYS_STATUS.battery_remaining, %; −1 is unknown."""
         self._battery = remaining_percent / 100 if remaining_percent >= 0 else None
 
-    def local_position(self, down_m: float) -> None:
-        """LOCAL_POSITION_NED.z, m."""
-        self._local_down_m = down_m
+    def local_position(self, message: mavlink.MAVLink_local_position_ned_message, now_s: float) -> None:
+        """LOCAL_POSITION_NED: the autopilot's estimate in the mission frame."""
+        self._local = message
+        self._local_s = now_s
+
+    def attitude(self, yaw_rad: float, now_s: float) -> None:
+        """ATTITUDE.yaw, rad."""
+        self._attitude_yaw_rad = yaw_rad
+        self._attitude_s = now_s
 
     def landed_state(self, landed_state: int) -> None:
         """EXTENDED_SYS_STATE.landed_state."""
@@ -238,22 +258,23 @@ class VehicleMonitor:
 
     def state(self, now_s: float) -> VehicleState:
         """The vehicle at this moment."""
-        status, plan = self._status, self._plan
+        status, plan, local = self._status, self._plan, self._local
+        north_m, east_m, position_age_s = self._place(now_s)
         return VehicleState(
             id=self.id,
             flight_state=self.flight_state,
             mode=self.mode,
             armed=self.armed,
             battery=self._battery,
-            north_m=_finite(status.north) if status is not None else None,
-            east_m=_finite(status.east) if status is not None else None,
+            north_m=north_m,
+            east_m=east_m,
             height_m=self._height_m(now_s),
             autopilot_age_s=_age(self._autopilot_s, now_s),
             onboard_age_s=_age(self._onboard_s, now_s),
             mission_start_s=status.mission_start_usec * 1e-6 if status and status.mission_start_usec else None,
             plan_age_s=_finite(status.plan_age) if status is not None else None,
-            planning_time_s=plan.planning_time if plan is not None else None,
-            planning_budget_s=plan.budget if plan is not None else None,
+            planning_time_s=plan.planning_time_s if plan is not None else None,
+            planning_budget_s=plan.budget_s if plan is not None else None,
             plans=status.plans if status is not None else 0,
             deadline_misses=self.deadline_misses,
             setpoint_rate_hz=_rate(self._recent, "setpoints"),
@@ -263,6 +284,10 @@ class VehicleMonitor:
             flew=self._flew,
             landed=self._landed(),
             status_text=self._status_text,
+            yaw_rad=self._yaw_rad(now_s),
+            speed_m_s=_finite(math.hypot(local.vx, local.vy)) if local is not None else None,
+            position_age_s=position_age_s,
+            plan=plan,
         )
 
     def figures(self) -> VehicleFigures:
@@ -296,7 +321,22 @@ class VehicleMonitor:
         age = _age(self._onboard_s, now_s)
         if self._status is not None and age is not None and age < HEARTBEAT_TIMEOUT_S:
             return _finite(-self._status.down)
-        return -self._local_down_m if self._local_down_m is not None else None
+        return _finite(-self._local.z) if self._local is not None else None
+
+    def _place(self, now_s: float) -> tuple[float | None, float | None, float | None]:
+        """North m, east m, age s: the autopilot says it more often than the status; first choice while it is heard."""
+        local_age, status_age = _age(self._local_s, now_s), _age(self._status_s, now_s)
+        if self._local is not None and (local_age or 0.0) <= max(_FRESH_S, status_age or 0.0):
+            return _finite(self._local.x), _finite(self._local.y), local_age
+        if self._status is not None:
+            return _finite(self._status.north), _finite(self._status.east), status_age
+        return None, None, None
+
+    def _yaw_rad(self, now_s: float) -> float | None:
+        age = _age(self._attitude_s, now_s)
+        if self._attitude_yaw_rad is not None and (age or 0.0) <= max(_FRESH_S, _age(self._status_s, now_s) or 0.0):
+            return _finite(self._attitude_yaw_rad)
+        return _finite(self._status.yaw) if self._status is not None else None
 
     def _note_flight(self) -> None:
         """Armed and off the ground: it flies."""

@@ -12,6 +12,7 @@ from gcs.summary import FlightFacts, render, summarize, write_json
 from gcs.team import TeamMonitor
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.team_messages import primitives_checksum
 
 T0 = 1.5e9
 FACTS = FlightFacts(
@@ -65,10 +66,11 @@ def test_all_keys_are_there_and_the_unknown_is_null(team):
     json.dumps(summary, allow_nan=False)
 
 
-def test_figures_reach_their_keys(team, heard, heartbeat, status):
+def test_figures_reach_their_keys(team, scenario, heard, heartbeat, status):
     truth = mavlink.MAVLink_vehicle_truth_message(0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.7, 0.04, 10.0, 501, 2)
+    checksum = primitives_checksum(scenario.primitive_set)
     plan = mavlink.MAVLink_arvi_plan_message(
-        0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.125, 0.15, 1, 1, 1, [0] * 64, 12, 0
+        0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.125, 0.15, 1, 1, checksum, [0] * 64, 12, 0
     )
     belief = mavlink.MAVLink_target_belief_message(
         round((T0 + 4.5) * 1e6), [1.0] * 4, [1.0, 0.0, 1.0, *[0.0] * 7], 3, 1, 0

@@ -7,6 +7,7 @@ from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.team import TeamMonitor
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.team_messages import primitives_checksum
 
 T0 = 1.5e9
 BRIDGE = 250
@@ -137,7 +138,7 @@ def test_a_long_text_is_one_event(team, heard, texts):
 
 
 def test_what_nobody_needs_is_not_decoded_and_fast_streams_are_thinned(team):
-    position, attitude = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTITUDE
+    position, attitude = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET
     assert not team.wants(attitude, 1, T0)
     assert team.wants(mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1, T0)
     read = sum(team.wants(position, 1, T0 + 0.02 * i) for i in range(500))
@@ -149,3 +150,53 @@ def test_how_many_targets_there_are(team, scenario, heard):
     assert team.state(T0).target_count == 5
     hardware = TeamMonitor(scenario.model_copy(update={"simulation": None}))
     assert hardware.state(T0).target_count is None
+
+
+def arvi_plan(scenario, time_s, crc=None, controls=(0, 1, -1)):
+    crc = primitives_checksum(scenario.primitive_set) if crc is None else crc
+    padded = [*controls, *[0] * (64 - len(controls))]
+    return mavlink.MAVLink_arvi_plan_message(
+        round(time_s * 1e6), 1.0, 2.0, 0.5, -3.0, -4.0, 0.1, 0.2, 0.12, 0.15, 900, 0, crc, padded, len(controls), 1
+    )
+
+
+def test_plans_are_kept_with_the_time_they_start_at(team, heard, scenario):
+    team.receive(heard(2, ONBOARD, arvi_plan(scenario, T0 + 1.5)), T0)
+    plan = team.state(T0).vehicle(2).plan
+    assert (plan.step * scenario.mission.step_s, plan.controls, plan.nodes) == (T0 + 1.5, (0, 1, -1), 900)
+    assert team.state(T0).vehicle(2).planning_time_s == pytest.approx(0.12)
+
+
+@pytest.mark.parametrize("change", [{"crc": 1}, {"controls": (99,)}])
+def test_plans_of_other_primitives_are_counted(team, heard, scenario, change):
+    team.receive(heard(2, ONBOARD, arvi_plan(scenario, T0, **change)), T0)
+    assert team.state(T0).vehicle(2).plan is None
+    assert team.rejected == 1
+
+
+def test_explored_tiles_of_all_robots_make_one_area_that_is_forgotten(team, heard, scenario):
+    def tile(first_byte, index=0, cell=250):
+        return mavlink.MAVLink_explored_tile_message(index, 0, cell, [first_byte] + [0] * 127)
+
+    assert team.state(T0).explored is None
+    team.receive(heard(1, ONBOARD, tile(0b01)), T0)
+    team.receive(heard(2, ONBOARD, tile(0b10)), T0 + 20.0)
+    area = team.state(T0).explored
+    assert area.cells.sum() == 2
+    assert area.share == pytest.approx(2 / (16 * 32))
+    assert team.state(T0).explored is area, "nothing changed"
+    team.advance(T0 + 31.0)
+    assert team.state(T0).explored.cells.sum() == 1, "forget_after_s is 30"
+    for bad in (tile(1, index=99), tile(1, cell=100)):
+        team.receive(heard(1, ONBOARD, bad), T0)
+    assert team.rejected == 2
+
+
+def test_every_robots_estimate_has_its_covariance(team, heard):
+    team.receive(heard(1, ONBOARD, belief(T0, matrix=(4.0, 1.0, 2.0))), T0)
+    team.receive(heard(2, ONBOARD, belief(T0, matrix=(8.0, 0.0, 8.0))), T0)
+    (target,) = team.state(T0).targets
+    assert [estimate.robot for estimate in target.estimates] == [1, 2]
+    expected = np.linalg.inv([[4.0, 1.0], [1.0, 2.0]])
+    assert target.estimates[0].covariance_m2 == pytest.approx((expected[0, 0], expected[0, 1], expected[1, 1]))
+    assert target.best == target.estimates[1]
