@@ -60,8 +60,10 @@ def frontier_landmarks(
     Returns:
         North m, east m, ordered from south to north, then west to east.
     """
+    if max_landmarks <= 0:
+        return []
     rows, columns = np.nonzero(frontier_cells(grid))
-    if max_landmarks <= 0 or len(rows) == 0:
+    if len(rows) == 0:
         return []
     if len(rows) > MAX_CANDIDATES:
         # every k-th cell stands for all; an odd k does not keep to the same columns of whole tiles
@@ -117,7 +119,7 @@ def _is_unexplored(grid: VisibilityGrid, place: Place) -> bool:
 
 
 def _squared_distances(cells: Array, point: Array) -> Array:
-    return np.asarray(((cells - point) ** 2).sum(axis=1))
+    return np.asarray((cells[:, 0] - point[0]) ** 2 + (cells[:, 1] - point[1]) ** 2)
 
 
 def _farthest_points(cells: Array, fixed: Array, count: int, near: Array | None) -> Array:
