@@ -70,7 +70,11 @@ class Agent:
     ) -> None:
         self.team = TeamTable(vehicle.id, scenario.estimation.neighbour_timeout_s)
         self.grid = VisibilityGrid(
-            scenario.mission.fence, scenario.exploration.cell_m, forget_after_s=scenario.exploration.forget_after_s
+            scenario.mission.fence,
+            scenario.exploration.cell_m,
+            obstacles=scenario.obstacle_grid(),
+            reachable_from=[teammate.home for teammate in scenario.vehicles],
+            forget_after_s=scenario.exploration.forget_after_s,
         )
         self.own_plan: PeerPlan | None = None
         self._scenario = scenario
@@ -79,6 +83,7 @@ class Agent:
         self._sensor = scenario.sensor.build()
         self._primitives = scenario.primitive_set
         self._fence = np.array(scenario.mission.fence, dtype=np.float64)
+        self._obstacles = scenario.obstacle_grid(scenario.mission.obstacle_clearance_m)
         self._filter = estimator or DistributedFilter(
             scenario.targets.build(),
             self._sensor,
@@ -95,6 +100,11 @@ class Agent:
     def tracks(self) -> dict[int, Track]:
         """What this robot believes of each target it knows, at its last step."""
         return dict(self._filter.tracks)
+
+    @property
+    def landmarks(self) -> dict[int, tuple[float, float]]:
+        """North m, east m of the exploration landmarks at the last step, by id."""
+        return dict(self._landmarks.places)
 
     @property
     def landmark_count(self) -> int:
@@ -187,6 +197,7 @@ class Agent:
             blocks=tuple(blocks),
             teammates=self._teammates(step, group),
             fence=self._fence,
+            obstacles=self._obstacles,
         )
 
     def adopt(self, step: int, start: Pose, plan: Plan, budget_s: float) -> PeerPlan:

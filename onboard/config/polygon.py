@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["contains", "is_simple"]
+__all__ = ["contains", "is_simple", "meets_segment", "overlap"]
 
 Point = tuple[float, float]
 
@@ -30,6 +30,19 @@ def is_simple(corners: Sequence[Point]) -> bool:
     return not any(
         _touch(*edges[i], *edges[j]) for i in range(count) for j in range(i + 2, count) if (i, j) != (0, count - 1)
     )
+
+
+def meets_segment(corners: Sequence[Point], start: Point, end: Point) -> bool:
+    """Whether a segment has a point in a polygon or on its boundary."""
+    return contains(corners, start) or any(
+        _touch(start, end, first, second) for first, second in zip(corners, [*corners[1:], corners[0]], strict=True)
+    )
+
+
+def overlap(first: Sequence[Point], second: Sequence[Point]) -> bool:
+    """Whether two simple polygons have a point in common."""
+    edges = zip(first, [*first[1:], first[0]], strict=True)
+    return contains(first, second[0]) or any(meets_segment(second, start, end) for start, end in edges)
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:

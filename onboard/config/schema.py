@@ -8,16 +8,19 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from onboard.config.base import NonNegative, Positive, Section, SystemId
 from onboard.config.patterns import LinkUrl, ListenUrl, ScenarioName
-from onboard.config.polygon import contains, is_simple
+from onboard.config.polygon import contains, is_simple, overlap
 from onboard.config.simulation import SimulationConfig
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.estimation.target_models import TargetModel, TargetMotion
 from onboard.geometry import Pose
+from onboard.mapping.raster import blocked_mask, obstacle_grid
 from onboard.planning.primitives import Primitive
+from onboard.planning.problem import Obstacles
 
 __all__ = [
     "EstimationConfig",
@@ -40,6 +43,10 @@ MAX_TILES = 3000
 """Of the visibility grid: about three million cells."""
 
 
+Polygon = Annotated[tuple[tuple[float, float], ...], Field(max_length=256)]
+"""Corners [north m, east m]."""
+
+
 class MissionConfig(Section):
     """The clockwork of Algorithm 3 and the area it plays in."""
 
@@ -53,9 +60,13 @@ class MissionConfig(Section):
     publishing_time_s: NonNegative = Field(default=0.03, description="kept of each slot for publishing the plan")
     measuring_delay_s: NonNegative = Field(default=0.08, description="from a step to its update: detections travel")
     takeoff_time_s: Positive = Field(default=12.0, description="from the start command to step 0, to reach the layers")
-    fence: tuple[tuple[float, float], ...] = Field(
-        max_length=256, description="corners [north m, east m] of the mission area"
+    fence: Polygon = Field(description="corners [north m, east m] of the mission area")
+    obstacles: tuple[Polygon, ...] = Field(
+        default=(),
+        max_length=200,
+        description="polygons as tall as anything flies; they hide what is behind them, and nobody flies into them",
     )
+    obstacle_clearance_m: NonNegative = Field(default=0.3, description="kept from obstacles by plans")
     separation_m: NonNegative = Field(
         default=0.8, description="horizontal distance on one layer; layers closer are one"
     )
@@ -67,6 +78,21 @@ class MissionConfig(Section):
         if not is_simple(fence):
             raise ValueError("a fence has at least three different corners and does not cross itself")
         return fence
+
+    @field_validator("obstacles")
+    @classmethod
+    def _obstacles_are_polygons(cls, obstacles: tuple[Polygon, ...]) -> tuple[Polygon, ...]:
+        for index, obstacle in enumerate(obstacles):
+            if not is_simple(obstacle):
+                raise ValueError(f"obstacles[{index}] has at least three different corners and does not cross itself")
+        return obstacles
+
+    @model_validator(mode="after")
+    def _obstacles_are_in_the_way(self) -> Self:
+        for index, obstacle in enumerate(self.obstacles):
+            if not overlap(self.fence, obstacle):
+                raise ValueError(f"obstacles[{index}]: lies outside the fence; corners are [north m, east m]")
+        return self
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -94,6 +120,10 @@ class SensorConfig(Section):
     fov_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
     noise_floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
     min_range_m: Positive = 0.1
+    position_std_m: NonNegative = Field(
+        default=0.01, description="of the vehicle's own position per axis; 0 if it is known exactly"
+    )
+    yaw_std_deg: Annotated[float, Field(ge=0.0, le=180.0)] = Field(default=0.0, description="of the vehicle's own yaw")
 
     def build(self) -> RangeBearingSensor:
         """The sensor model, with angles in radians."""
@@ -104,6 +134,8 @@ class SensorConfig(Section):
             fov_rad=math.radians(self.fov_deg),
             noise_floor=self.noise_floor,
             min_range_m=self.min_range_m,
+            position_std_m=self.position_std_m,
+            yaw_std_rad=math.radians(self.yaw_std_deg),
         )
 
 
@@ -310,6 +342,24 @@ class Scenario(Section):
                 f"at most {MAX_TILES} fit"
             )
         return self
+
+    @model_validator(mode="after")
+    def _homes_are_clear_of_obstacles(self) -> Self:
+        keep_out = self.obstacle_grid(self.mission.obstacle_clearance_m)
+        if keep_out is not None:
+            for i, vehicle in enumerate(self.vehicles):
+                north_m, east_m = (np.array([coordinate]) for coordinate in vehicle.home)
+                if blocked_mask(keep_out, north_m, east_m)[0, 0]:
+                    raise ValueError(
+                        f"vehicles[{i}].home: {list(vehicle.home)} is in an obstacle or nearer to it than "
+                        f"mission.obstacle_clearance_m = {self.mission.obstacle_clearance_m:g}, in cells of "
+                        f"exploration.cell_m = {self.exploration.cell_m:g}"
+                    )
+        return self
+
+    def obstacle_grid(self, clearance_m: float = 0.0) -> Obstacles | None:
+        """The obstacles as cells of the map, and what is nearer to them than ``clearance_m``; None without any."""
+        return obstacle_grid(self.mission.obstacles, self.exploration.cell_m, clearance_m)
 
     @property
     def primitive_set(self) -> tuple[Primitive, ...]:

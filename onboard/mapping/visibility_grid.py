@@ -24,6 +24,7 @@ from onboard.estimation.sensor import RangeBearingSensor
 from onboard.geometry import Pose
 from onboard.mapping.errors import MappingError
 from onboard.mapping.line_of_sight import visible_from, warm_line_of_sight
+from onboard.mapping.raster import blocked_mask, polygon_mask, reachable_mask
 from onboard.mapping.tile_kernel import merge_tile
 from onboard.messages import ExploredTile
 from onboard.planning.problem import Obstacles
@@ -50,7 +51,7 @@ class VisibilityGrid:
     Attributes:
         cell_m: Side of a cell, m.
         origin: North m, east m of cell (0, 0)'s south-west corner.
-        inside: (rows, columns) bool: the centre is inside the fence and in no obstacle.
+        inside: (rows, columns) bool: the centre is inside the fence, in no obstacle, and not cut off by obstacles.
         explored: (rows, columns) bool: seen, and not forgotten; never True outside.
         forget_after_s: When an area that was not looked at is unknown again, s; None for never.
     """
@@ -61,6 +62,7 @@ class VisibilityGrid:
         cell_m: float,
         *,
         obstacles: Obstacles | None = None,
+        reachable_from: Sequence[tuple[float, float]] = (),
         forget_after_s: float | None = None,
     ) -> None:
         """A grid of which nothing is explored.
@@ -69,6 +71,8 @@ class VisibilityGrid:
             fence: (K, 2) corners north m, east m of a simple polygon.
             cell_m: Side of a cell, m; a whole number of millimetres is what tiles can say.
             obstacles: Cells that hide what is behind them and are not explored themselves; None for open space.
+            reachable_from: North m, east m of places from which robots start. Cells that obstacles cut off from all of
+                them can never be seen, and do not count; empty if every cell shall count.
             forget_after_s: See the module's text; None for the paper's behaviour.
 
         Raises:
@@ -96,9 +100,9 @@ class VisibilityGrid:
         self._north_m: Array = self.origin[0] + cell_m * np.arange(0.5, shape[0])
         self._east_m: Array = self.origin[1] + cell_m * np.arange(0.5, shape[1])
         self._obstacles = obstacles if obstacles is not None and obstacles.blocked.any() else None
-        self.inside = _polygon_mask(corners, self._north_m, self._east_m)
+        self.inside = polygon_mask(corners, self._north_m, self._east_m)
         if self._obstacles is not None:
-            self.inside &= ~_blocked_mask(self._obstacles, self._north_m, self._east_m)
+            self.inside &= self._free_cells(self._obstacles, reachable_from)
             warm_line_of_sight()
         self._inside_count = int(self.inside.sum())
         if self._inside_count == 0:
@@ -225,6 +229,15 @@ class VisibilityGrid:
             self._seen_s[place],
         )
 
+    def _free_cells(self, obstacles: Obstacles, reachable_from: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+        free = ~blocked_mask(obstacles, self._north_m, self._east_m)
+        seeds = [cell for place in reachable_from if (cell := self.cell_of(*place)) is not None and free[cell]]
+        if not seeds:
+            return free
+        # what is beyond the grid's edge connects: sight does not end at the fence
+        padded = np.pad(free, 1, constant_values=True)
+        return reachable_mask(padded, [(row + 1, column + 1) for row, column in seeds])[1:-1, 1:-1]
+
     def _window(self, centres_m: Array, at_m: float, reach_m: float) -> slice:
         first, last = np.searchsorted(centres_m, [at_m - reach_m, at_m + reach_m])
         return slice(int(first), int(last))
@@ -250,25 +263,3 @@ def _tiles_with_any(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
     words = cells.view(np.uint64)  # eight cells at a time
     blocks = words.reshape(rows // TILE_CELLS, TILE_CELLS, columns // TILE_CELLS, TILE_CELLS // 8)
     return np.asarray(np.bitwise_or.reduce(blocks, axis=(1, 3)) != 0)
-
-
-def _polygon_mask(corners: Array, north_m: Array, east_m: Array) -> NDArray[np.bool_]:
-    """Which points of a raster are inside a polygon, by the crossing number along each column."""
-    inside = np.zeros((len(north_m), len(east_m)), dtype=np.bool_)
-    for (n0, e0), (n1, e1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        crossed = (e0 > east_m) != (e1 > east_m)
-        if crossed.any():
-            at = n0 + (n1 - n0) * (east_m[crossed] - e0) / (e1 - e0)
-            inside[:, crossed] ^= north_m[:, None] < at
-    return inside
-
-
-def _blocked_mask(obstacles: Obstacles, north_m: Array, east_m: Array) -> NDArray[np.bool_]:
-    """Which points of a raster are in an obstacle."""
-    i = np.floor((north_m - obstacles.origin_north_m) / obstacles.cell_m).astype(np.int64)
-    j = np.floor((east_m - obstacles.origin_east_m) / obstacles.cell_m).astype(np.int64)
-    rows, columns = obstacles.blocked.shape
-    in_i, in_j = (i >= 0) & (i < rows), (j >= 0) & (j < columns)
-    mask = np.zeros((len(i), len(j)), dtype=np.bool_)
-    mask[np.ix_(in_i, in_j)] = obstacles.blocked[np.ix_(i[in_i], j[in_j])]
-    return mask
