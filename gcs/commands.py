@@ -8,7 +8,7 @@ from __future__ import annotations
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import Command, CommandOutcome, result_name
 
-__all__ = ["AUTOPILOT", "ONBOARD", "describe", "land_command", "start_command"]
+__all__ = ["AUTOPILOT", "ONBOARD", "describe", "land_command", "pause_command", "start_command"]
 
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 """Component id of a vehicle's autopilot."""
@@ -50,6 +50,16 @@ def land_command(vehicle_id: int, component: int) -> Command:
     nan = float("nan")
     return mavlink.MAVLink_command_long_message(
         vehicle_id, component, mavlink.MAV_CMD_NAV_LAND, 0, 0.0, 0.0, 0.0, nan, nan, nan, 0.0
+    )
+
+
+def pause_command(vehicle_id: int, *, resume: bool) -> Command:
+    """MAV_CMD_DO_PAUSE_CONTINUE to the onboard process: hold its place, or fly its plans again.
+
+    https://mavlink.io/en/messages/common.html#MAV_CMD_DO_PAUSE_CONTINUE
+    """
+    return mavlink.MAVLink_command_long_message(
+        vehicle_id, ONBOARD, mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0, float(resume), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     )
 
 

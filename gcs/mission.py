@@ -83,6 +83,7 @@ class MissionDirector:
         self._land_asked_s: dict[tuple[int, int], float] = {}
         self._direct_from_s = math.inf
         self._give_up_s = math.inf
+        self._landed_by_operator: set[int] = set()
 
     @property
     def over(self) -> bool:
@@ -102,6 +103,10 @@ class MissionDirector:
             self.landing_since_s = now_s
         self._direct_from_s = min(self._direct_from_s, now_s + patience.direct_after_s)
         self._give_up_s = min(self._give_up_s, now_s + patience.give_up_after_s)
+
+    def landed_by_operator(self, vehicle_id: int) -> None:
+        """An operator lands this vehicle alone: it is not started again."""
+        self._landed_by_operator.add(vehicle_id)
 
     def update(self, team: TeamState) -> list[Command]:
         """What to command now, given the team at this moment."""
@@ -129,6 +134,8 @@ class MissionDirector:
     def _start(self, vehicle: VehicleState, now_s: float) -> list[Command]:
         """START to who has not taken it, while it can still be up by step 0."""
         if self.start_s is None or now_s >= self.start_s or vehicle.flight_state not in _READY:
+            return []
+        if vehicle.id in self._landed_by_operator:
             return []
         if now_s - self._started_s.get(vehicle.id, -math.inf) < _AGAIN_S:
             return []

@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable
 
 from gcs.commands import AUTOPILOT, ONBOARD, describe
-from gcs.mission import MissionDirector
+from gcs.mission import UNHURRIED, MissionDirector
+from gcs.operator_desk import Action, OperatorDesk, Order
 from gcs.recorder import Recorder
 from gcs.team import TeamMonitor
 from onboard.config import Scenario
@@ -33,6 +34,7 @@ class GroundStation:
     Attributes:
         team: What the team's messages say.
         director: Decides what is commanded; None only watches.
+        desk: Where an operator's orders arrive, from any thread.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class GroundStation:
         """
         self.team = TeamMonitor(scenario)
         self.director = director
+        self.desk = OperatorDesk()
         self._scenario = scenario
         self._recorder = recorder
         self._clock = clock
@@ -116,6 +119,8 @@ class GroundStation:
         if self.director is not None:
             for command in self.director.update(self.team.state(now_s)):
                 self._commands.request(command, now_s)
+        for order in self.desk.take():
+            self._obey(order, now_s)
         due, unanswered = self._commands.poll(now_s)
         for command in due:
             self._send((command.target_system, command.target_component), command, now_s)
@@ -128,6 +133,21 @@ class GroundStation:
                 self._recorder.flush()
                 for warning in self._recorder.take_warnings():
                     self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "recorder", warning)
+
+    def _obey(self, order: Order, now_s: float) -> None:
+        """Command what an operator orders; a director that flies the team is told what it must not undo."""
+        team = self.team.state(now_s)
+        commands = self.desk.commands(order, team)
+        ids = [command.target_system for command in commands]
+        text = f"{order.action.value.lower()} vehicle{'s' * (len(ids) != 1)} {', '.join(map(str, ids)) or 'none'}"
+        self.team.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "operator", text)
+        if self.director is not None and order.action is Action.LAND:
+            if len(ids) == len(team.vehicles):
+                self.director.land(now_s, UNHURRIED)
+            for vehicle_id in ids:
+                self.director.landed_by_operator(vehicle_id)
+        for command in commands:
+            self._commands.request(command, now_s)
 
     def _admits(self, source: tuple[int, int]) -> bool:
         """Whether a component heard for the first time is listened to."""
@@ -149,6 +169,7 @@ class GroundStation:
             self._note(outcome, now_s)
 
     def _note(self, outcome: CommandOutcome, now_s: float) -> None:
+        self.desk.ended(outcome, now_s)
         severity = mavlink.MAV_SEVERITY_INFO if outcome.accepted else mavlink.MAV_SEVERITY_WARNING
         self.team.note(now_s, severity, f"vehicle {outcome.target[0]}", describe(outcome))
 

@@ -36,7 +36,7 @@ _WANTED = frozenset(
 )
 """Messages that :meth:`TeamMonitor.receive` has a use for."""
 
-_THROTTLE_S = {mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.18, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.18}
+_THROTTLE_S = {mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.2, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.2}
 """Messages that come more often than the ground needs them: one is read in this time, s."""
 
 

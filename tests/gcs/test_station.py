@@ -2,7 +2,8 @@
 
 import pytest
 
-from gcs.mission import HURRIED, MissionDirector
+from gcs.mission import HURRIED, MissionDirector, Phase
+from gcs.operator_desk import Action, Order, Outcome
 from gcs.recorder import Recorder
 from gcs.station import GroundStation
 from onboard.config import load_scenario
@@ -193,3 +194,34 @@ async def test_a_second_station_on_the_same_port_is_told_so(own_ports):
             await second.open()
     finally:
         first.close()
+
+
+def test_an_operators_order_goes_out_and_its_end_is_recorded(station, remotes, stand_by, clock):
+    stand_by(FlightState.TRACK, armed=True)
+    station.desk.submit(Order(Action.PAUSE, (2,)))
+    station.tick()
+    ((address, command),) = station._link.take("COMMAND_LONG")
+    assert address == remotes[2, 191].address
+    assert (command.command, command.param1) == (mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0)
+    remotes[2, 191].say(ack(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED))
+    assert [(record.vehicle, record.outcome) for record in station.desk.records] == [(2, Outcome.REFUSED)]
+    assert ("operator", "pause vehicle 2") in [(event.source, event.text) for event in station.team.take_events()]
+
+
+def test_an_operator_who_lands_all_ends_the_flight(station, remotes, stand_by, clock):
+    stand_by(FlightState.TRACK, armed=True)
+    station.desk.submit(Order(Action.LAND, (1, 2, 3)))
+    station.tick()
+    assert station.director.phase is Phase.LANDING
+    assert len(station._link.take("COMMAND_LONG")) == 3, "operator's and director's are one"
+
+
+def test_a_vehicle_that_the_operator_landed_is_not_started_again(station, remotes, stand_by, clock):
+    station.desk.submit(Order(Action.LAND, (1,)))
+    station.tick()
+    stand_by()
+    for _ in range(60):
+        station.tick()
+        clock.now_s += 0.1
+    assert {m.target_system for _, m in station._link.take("COMMAND_INT")} == {2, 3}
+    assert station.director.phase is not Phase.LANDING
