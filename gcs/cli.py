@@ -164,7 +164,9 @@ def check(
 
     **Example**: `arvi check configs/*.yaml`
     """
+    from gcs.errors import GroundError
     from gcs.output import open_console
+    from gcs.preflight import check_simulation
     from gcs.scenario_table import render_scenario
     from onboard.config import ConfigError, load_scenario
 
@@ -172,7 +174,8 @@ def check(
     for config in configs:
         try:
             scenario = load_scenario(config)
-        except ConfigError as error:
+            check_simulation(config, scenario, None)
+        except (ConfigError, GroundError) as error:
             wrong += 1
             typer.echo(str(error), err=True)
         else:

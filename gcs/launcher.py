@@ -17,6 +17,7 @@ from gcs.errors import GroundError
 from gcs.folder import describe_run, run_folder
 from gcs.mission import MissionDirector, Phase
 from gcs.ports import check_free, needed_ports
+from gcs.preflight import check_simulation
 from gcs.recorder import Recorder
 from gcs.session import Display, StopRequests, run_session
 from gcs.station import GroundStation
@@ -99,7 +100,7 @@ async def fly(options: FlightOptions, display: Display, programs: Programs | Non
     """Fly a simulated team.
 
     Raises:
-        GroundError: Ports are in use, the recording's folder cannot be made, or there is nothing to simulate.
+        GroundError: Ports are in use, the recording's folder cannot be made, or the scenario cannot be simulated.
         TransportError: The ground station's port is in use.
     """
     if options.scenario.simulation is None:
@@ -107,6 +108,7 @@ async def fly(options: FlightOptions, display: Display, programs: Programs | Non
             f"{options.config}: has no section simulation, so there is nothing to fly here; on hardware run "
             "`arvi onboard CONFIG --vehicle N` on each vehicle and `arvi gcs CONFIG --start` on the ground"
         )
+    check_simulation(options.config, options.scenario, options.seed)
     check_free(needed_ports(options.scenario))
     stop = StopRequests()
     with stop.listening(), run_folder(options.record, options.scenario.name) as folder:

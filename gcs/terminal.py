@@ -205,9 +205,8 @@ def _short_event(event: Event, team: TeamState) -> Text:
 def _headline(title: str, phase: str, time_left_s: float | None) -> RenderableType:
     left = "" if time_left_s is None or math.isinf(time_left_s) else f"{time_left_s:.0f} s left"
     line = Table.grid(expand=True)
-    line.add_column()
-    line.add_column(justify="center", ratio=1)
-    line.add_column(justify="right")
+    for justify in ("left", "center", "right"):
+        line.add_column(justify=justify, ratio=1)
     line.add_row(Text(title, style="bold"), Text(phase, style="bold green"), Text(left, style="bold"))
     return line
 

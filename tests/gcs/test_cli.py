@@ -114,6 +114,23 @@ def test_check_shows_the_right_and_names_the_wrong(broken, hardware):
     assert arvi("check", LAB).returncode == 0
 
 
+@pytest.mark.parametrize(
+    ("change", "mistake"),
+    [
+        (("count: 5", "count: 500"), "simulation.ground_robots: 500 robots"),
+        (("  seed: 1", "  seed: 1\n  parameters: {FOO_BAR: 3}"), "simulation.parameters.FOO_BAR: PX4 has no such"),
+    ],
+)
+@pytest.mark.parametrize("command", ["check", "fly"])
+def test_what_cannot_be_simulated_is_said_before_anything_starts(tmp_path, command, change, mistake):
+    path = tmp_path / "crowded.yaml"
+    path.write_text(LAB.read_text(encoding="utf-8").replace(*change))
+    result = arvi(command, path)
+    assert result.returncode == 2
+    assert f"{path}: {mistake}" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
 def test_hardware_is_not_flown_from_here(hardware):
     result = arvi("fly", hardware)
     assert result.returncode == 2
