@@ -1,4 +1,4 @@
-"""The area that ground robots drive in: a fence seen from the middle of a disc-shaped robot."""
+"""The area that ground robots drive in: a fence and obstacles, seen from the middle of a disc-shaped robot."""
 
 from __future__ import annotations
 
@@ -16,14 +16,25 @@ _ATTEMPTS = 10_000
 
 
 class Arena:
-    """A simple polygon, with distances to its walls in plain floats (it is asked thousands of times a second)."""
+    """The inside of a simple polygon without those in it, with distances to walls in plain floats.
 
-    def __init__(self, fence: Sequence[tuple[float, float]]) -> None:
+    It is asked thousands of times a second.
+
+    Args:
+        fence: Corners north m, east m; its edges are walls.
+        obstacles: Corners of each; their edges are walls too.
+    """
+
+    def __init__(
+        self, fence: Sequence[tuple[float, float]], obstacles: Sequence[Sequence[tuple[float, float]]] = ()
+    ) -> None:
         self._fence = tuple(fence)
+        self._obstacles = tuple(tuple(obstacle) for obstacle in obstacles)
         self._walls: list[tuple[float, float, float, float, float]] = []
-        for (n0, e0), (n1, e1) in zip(self._fence, [*self._fence[1:], self._fence[0]], strict=True):
-            dn, de = n1 - n0, e1 - e0
-            self._walls.append((n0, e0, dn, de, 1.0 / (dn * dn + de * de)))
+        for corners in (self._fence, *self._obstacles):
+            for (n0, e0), (n1, e1) in zip(corners, [*corners[1:], corners[0]], strict=True):
+                dn, de = n1 - n0, e1 - e0
+                self._walls.append((n0, e0, dn, de, 1.0 / (dn * dn + de * de)))
         norths, easts = [n for n, _ in fence], [e for _, e in fence]
         self._low, self._high = (min(norths), min(easts)), (max(norths), max(easts))
 
@@ -45,8 +56,13 @@ class Arena:
         ]
 
     def holds(self, north_m: float, east_m: float, clearance_m: float) -> bool:
-        """Whether a point is inside and at least this far from every wall."""
-        return contains(self._fence, (north_m, east_m)) and self.wall_distance(north_m, east_m) >= clearance_m
+        """Whether a point is inside, in no obstacle, and at least this far from every wall."""
+        place = (north_m, east_m)
+        return (
+            contains(self._fence, place)
+            and not any(contains(obstacle, place) for obstacle in self._obstacles)
+            and self.wall_distance(north_m, east_m) >= clearance_m
+        )
 
     def is_free_line(self, start: tuple[float, float], end: tuple[float, float], clearance_m: float) -> bool:
         """Whether a disc can go straight from one point inside to another; probed every half clearance."""

@@ -182,6 +182,7 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
             scenario.sensor.build(),
             {i: generator(seed, Stream.DETECTOR, i) for i in ids},
             pacer.time_s,
+            scenario.mission.obstacles,
         ),
         radio=Radio(simulation.radio, generator(seed, Stream.RADIO)),
         pacer=pacer,

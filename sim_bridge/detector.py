@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from onboard.config.polygon import meets_segment
 from onboard.config.simulation import DetectorConfig
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.geometry import wrap_angle
@@ -15,10 +16,17 @@ from onboard.messages import Detection
 from sim_bridge.schedule import TIME_TOLERANCE_S, DelayLine
 from sim_bridge.truth import TargetTruth, VehicleTruth
 
-__all__ = ["MIN_HEIGHT_M", "Detector", "VehicleDetection"]
+__all__ = ["MIN_HEIGHT_M", "Detector", "VehicleDetection", "is_hidden"]
 
 MIN_HEIGHT_M = 0.3
 """A vehicle lower than this stands, lifts off or touches down: its downward-facing camera sees no footprint."""
+
+
+def is_hidden(
+    obstacles: Sequence[Sequence[tuple[float, float]]], viewer: tuple[float, float], target: tuple[float, float]
+) -> bool:
+    """Whether an obstacle is between two places (north m, east m), or one of them is in it."""
+    return any(meets_segment(obstacle, viewer, target) for obstacle in obstacles)
 
 
 class VehicleDetection(NamedTuple):
@@ -41,6 +49,7 @@ class Detector:
         sensor: RangeBearingSensor,
         rngs: Mapping[int, np.random.Generator],
         time_s: float,
+        obstacles: Sequence[Sequence[tuple[float, float]]] = (),
     ) -> None:
         """Start at a time; a look at that very instant has passed.
 
@@ -49,8 +58,10 @@ class Detector:
             sensor: What it sees, and how well.
             rngs: A generator for each vehicle's sensor, by system id.
             time_s: UNIX time, s.
+            obstacles: Corners north m, east m of each; they hide what is behind them.
         """
         self.looks_missed = 0
+        self._obstacles = obstacles
         self._config = config
         self._sensor = sensor
         self._rngs = rngs
@@ -96,6 +107,8 @@ class Detector:
     def _measure(self, vehicle: VehicleTruth, target: TargetTruth, look_s: float) -> Detection | None:
         range_m, bearing_rad = self._sensor.measure(vehicle.pose, target.north_m, target.east_m)
         if not self._sensor.sees(range_m, bearing_rad):
+            return None
+        if is_hidden(self._obstacles, (vehicle.north_m, vehicle.east_m), (target.north_m, target.east_m)):
             return None
         rng = self._rngs[vehicle.vehicle_id]
         if rng.random() >= self._config.detection_probability:

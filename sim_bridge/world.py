@@ -200,7 +200,6 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
         except ParameterError as error:
             raise BridgeError(f"simulation.parameters.{error}") from None
         vehicles.append(SimulatedVehicle(config.id, body, autopilot))
-    robots = GroundRobots(
-        simulation.ground_robots, Arena(scenario.mission.fence), generator(seed, Stream.GROUND_ROBOTS)
-    )
+    arena = Arena(scenario.mission.fence, scenario.mission.obstacles)
+    robots = GroundRobots(simulation.ground_robots, arena, generator(seed, Stream.GROUND_ROBOTS))
     return World(vehicles, robots, 1.0 / simulation.physics_rate_hz)

@@ -122,3 +122,11 @@ def test_another_vehicle_changes_nobody_elses_noise():
     together = [d for _, i, d in run(5.0, [vehicle(2), vehicle(1)], [target()]) if i == 1]
     assert alone == together
     assert len(alone) == 9
+
+
+def test_obstacles_hide_what_is_behind_them():
+    pillar = ((0.1, -0.1), (0.2, -0.1), (0.2, 0.1), (0.1, 0.1))
+    detector = Detector(DetectorConfig(delay_s=0.0), SENSOR, {1: np.random.default_rng(1)}, NOON, obstacles=(pillar,))
+    targets = [target(1, 0.5, 0.0), target(2, 0.5, 0.6), target(3, -0.5, 0.0), target(4, 0.15, 0.0)]
+    detector.look(NOON + 0.5, DT, [vehicle()], targets)
+    assert [seen.detection.target_id for seen in detector.deliveries(NOON + 0.5)] == [2, 3]
