@@ -19,6 +19,7 @@ from onboard.planning.plan import Budget, Plan
 from onboard.planning.pluggable import PathPlanner
 from onboard.team import Group
 from sim_bridge.arena import Arena
+from sim_bridge.detector import is_hidden
 from sim_bridge.errors import BridgeError
 from sim_bridge.ground_robots import GroundRobots
 from sim_bridge.lockstep.centralised import CentralFilter
@@ -193,7 +194,12 @@ class LockstepWorld:
     def _measure(self, pose: Pose, target: TargetTruth, rng: np.random.Generator) -> Look | None:
         """One noisy look (eq. 13), None if the target is not seen."""
         range_m, bearing_rad = self._sensor.measure(pose, target.north_m, target.east_m)
-        if not self._sensor.sees(range_m, bearing_rad) or rng.random() >= self._config.detection_probability:
+        obstacles = self._scenario.mission.obstacles
+        if not self._sensor.sees(range_m, bearing_rad) or is_hidden(
+            obstacles, (pose.north_m, pose.east_m), (target.north_m, target.east_m)
+        ):
+            return None
+        if rng.random() >= self._config.detection_probability:
             return None
         range_variance, bearing_variance = self._sensor.variances(range_m, bearing_rad)
         range_m += math.sqrt(range_variance) * rng.standard_normal()
@@ -270,13 +276,16 @@ class LockstepWorld:
         if self._scenario.simulation is None:
             raise BridgeError('world.truth.motion: "ground_robots" needs the section simulation.ground_robots')
         config = self._scenario.simulation.ground_robots.model_copy(update={"count": truth.count})
-        return GroundRobots(config, Arena(fence), generator(self._seed, Stream.GROUND_ROBOTS))
+        return GroundRobots(config, self._arena(), generator(self._seed, Stream.GROUND_ROBOTS))
+
+    def _arena(self) -> Arena:
+        return Arena(self._scenario.mission.fence, self._scenario.mission.obstacles)
 
     def _build_motion(self, vehicle: VehicleConfig) -> Motion:
         rng = generator(self._seed, Stream.LOCKSTEP_START, vehicle.id)
         north, east = vehicle.home
         if self._config.random_starts:
-            north, east = Arena(self._scenario.mission.fence).random_place(rng, self._turning_radius_m())
+            north, east = self._arena().random_place(rng, self._turning_radius_m())
         pose = Pose(north, east, wrap_angle(float(rng.uniform(-math.pi, math.pi))))
         if self._config.motion == "ideal":
             return IdealMotion(pose)
