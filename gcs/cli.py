@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from gcs.experiment_command import experiment
 from gcs.plan_command import plan
 
 if TYPE_CHECKING:
@@ -184,6 +185,7 @@ def check(
 
 
 app.command()(plan)
+app.command()(experiment)
 
 
 def _load(config: Path) -> Scenario:

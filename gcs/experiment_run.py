@@ -1,0 +1,208 @@
+"""What ``arvi experiment`` does once its arguments are understood; the exit codes."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from gcs.output import open_console
+from onboard.errors import OnboardError
+from sim_bridge.errors import BridgeError
+from sim_bridge.experiments import figures, report, statistics
+from sim_bridge.experiments import snapshot as pictures
+from sim_bridge.experiments.loader import Experiment, load_experiment
+from sim_bridge.experiments.run import connect, run_trials
+from sim_bridge.experiments.store import ResultFolder
+from sim_bridge.experiments.trial import TrialKey, TrialTask, trial_seed
+
+__all__ = ["ExperimentOptions", "run_experiment"]
+
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+_FRAMES = 150
+"""A film has at most so many."""
+
+
+@dataclass(frozen=True)
+class ExperimentOptions:
+    """The command's arguments; None takes what the file says.
+
+    Attributes:
+        config: The experiment's file.
+        trials: Of each arm.
+        steps: Of each trial.
+        workers: Local processes; None for one per core.
+        scheduler: Address of a dask.distributed scheduler instead.
+        out: Folder for the results; None for runs/NAME.
+        resume: Continue what is there.
+        arms: Only these; all if empty.
+        snapshot: Draw the first trial at this step instead of running the experiment.
+        animate: Film the first trial instead.
+    """
+
+    config: Path
+    trials: int | None = None
+    steps: int | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+    out: Path | None = None
+    resume: bool = False
+    arms: tuple[str, ...] = ()
+    snapshot: int | None = None
+    animate: bool = False
+
+
+def run_experiment(options: ExperimentOptions) -> int:
+    """Run, or draw; the exit code."""
+    console = open_console()
+    try:
+        experiment = load_experiment(options.config)
+        tasks = _tasks(experiment, options)
+        folder = options.out or Path("runs") / experiment.name
+        if options.snapshot is not None or options.animate:
+            _draw(console, tasks[0], experiment.arms[tasks[0].arm].label, folder, options)
+            return 0
+        trials = options.trials or experiment.trials
+        store = ResultFolder(folder, experiment, trials, tasks[0].steps, resume=options.resume)
+        return _run(console, experiment, tasks, store, options)
+    except (OnboardError, BridgeError) as error:
+        sys.stderr.write(f"{error}\n")
+        return EXIT_BAD_INPUT
+
+
+def _tasks(experiment: Experiment, options: ExperimentOptions) -> list[TrialTask]:
+    """All trials, the first trial of every arm first: an interrupted run has something of each."""
+    known = [arm.label for arm in experiment.arms]
+    for label in options.arms:
+        if label not in known:
+            raise BridgeError(f"--arm {label!r}: no such arm in {options.config}; there are {', '.join(known)}")
+    return [
+        TrialTask(
+            arm=index,
+            trial=trial,
+            seed=trial_seed(experiment.seed, trial),
+            steps=options.steps or experiment.steps,
+            setting=arm.setting,
+        )
+        for trial in range(options.trials or experiment.trials)
+        for index, arm in enumerate(experiment.arms)
+        if not options.arms or arm.label in options.arms
+    ]
+
+
+def _run(
+    console: Console, experiment: Experiment, tasks: list[TrialTask], store: ResultFolder, options: ExperimentOptions
+) -> int:
+    done = store.completed()
+    todo = [task for task in tasks if task.key not in done]
+    if len(todo) < len(tasks):
+        console.print(f"{len(tasks) - len(todo)} of {len(tasks)} trials are complete already", highlight=False)
+    failures: dict[TrialKey, str] = {}
+    interrupted = False
+    if todo:
+        try:
+            _work(console, experiment, todo, store, options, failures)
+        except KeyboardInterrupt:
+            interrupted = True
+    store.write_failures(failures)
+    _conclude(console, experiment, store)
+    for (arm, trial), text in sorted(failures.items()):
+        reason = text.strip().splitlines()[-1]
+        sys.stderr.write(f"trial {trial} of arm {experiment.arms[arm].label!r} crashed: {reason}\n")
+    if failures:
+        sys.stderr.write(f"tracebacks: {store.path / 'failures.json'}; --resume tries them again\n")
+    if interrupted:
+        sys.stderr.write("interrupted; --resume goes on with what is missing\n")
+        return EXIT_INTERRUPTED
+    return EXIT_FAILED if failures else 0
+
+
+def _work(
+    console: Console,
+    experiment: Experiment,
+    todo: list[TrialTask],
+    store: ResultFolder,
+    options: ExperimentOptions,
+    failures: dict[TrialKey, str],
+) -> None:
+    """Run what is missing, with a bar that counts steps."""
+    steps_done: dict[TrialKey, int] = {}
+    workers = min(options.workers or os.cpu_count() or 1, len(todo))
+    with connect(workers, options.scheduler) as client, _progress(console) as progress:
+        trials = progress.add_task(experiment.name, total=len(todo))
+        steps = progress.add_task("steps", total=sum(task.steps for task in todo))
+
+        def on_progress(key: TrialKey, done: int) -> None:
+            steps_done[key] = max(steps_done.get(key, 0), done)
+            progress.update(steps, completed=sum(steps_done.values()))
+
+        for outcome in run_trials(client, todo, on_progress):
+            if outcome.result is not None:
+                store.write(outcome.result)
+            else:
+                failures[outcome.key] = outcome.error or "no reason given"
+            on_progress(outcome.key, todo[0].steps)
+            progress.advance(TaskID(trials))
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+    )
+
+
+def _conclude(console: Console, experiment: Experiment, store: ResultFolder) -> None:
+    """Merge, summarise and draw what is complete."""
+    arms = statistics.arm_trials(store.merge(), experiment)
+    if not arms:
+        console.print("no trial is complete")
+        return
+    summary = statistics.summarise(experiment, arms, store.machine_records())
+    store.write_json("summary.json", summary)
+    page = report.markdown(summary)
+    store.write_text("summary.md", page)
+    pictures_of_run = store.path / "figures"
+    figures.save(figures.draw_curves(arms), pictures_of_run / "curves")
+    figures.save(figures.draw_means(summary), pictures_of_run / "means")
+    figures.save(figures.draw_costs(experiment.axis, summary), pictures_of_run / "costs")
+    console.print(Markdown(page))
+    console.print(f"results: {store.path}", highlight=False, soft_wrap=True)
+
+
+def _draw(console: Console, task: TrialTask, label: str, folder: Path, options: ExperimentOptions) -> None:
+    target = folder / "figures"
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BridgeError(f"{target}: cannot be made: {error.strerror or error}") from None
+    name = "".join(character if character.isalnum() else "-" for character in label)
+    files: list[Path] = []
+    if options.snapshot is not None:
+        files += pictures.snapshot(task, options.snapshot, target / f"snapshot-{name}-{options.snapshot}")
+    if options.animate:
+        files.append(pictures.animate(task, target / f"film-{name}", math.ceil(task.steps / _FRAMES)))
+    for path in files:
+        console.print(str(path), highlight=False, soft_wrap=True)

@@ -1,0 +1,45 @@
+"""The summary as a page of Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+__all__ = ["markdown"]
+
+_COLUMNS = (
+    ("entropy, nats", "time_mean", "entropy_nats", 2),
+    ("targets known to a robot", "time_mean", "known_by_robot", 2),
+    ("at the end", "last_step", "known_by_robot", 2),
+    ("RMSE, m", "time_mean", "rmse_m", 3),
+)
+
+
+def markdown(summary: Mapping[str, Any]) -> str:
+    """Tables of arms and comparisons; each value is a mean over trials ± half of its 95 % confidence interval."""
+    lines = [f"# {summary['experiment']}", "", summary["question"], ""]
+    lines += ["| arm | trials | " + " | ".join(name for name, *_ in _COLUMNS) + " | ms per plan | nodes per plan |"]
+    lines += ["|---|---" + "|---" * (len(_COLUMNS) + 2) + "|"]
+    for arm in summary["arms"]:
+        cells = [arm["label"], str(arm["trials"])]
+        cells += [_interval(arm[group][key], digits) for _, group, key, digits in _COLUMNS]
+        cells += [_interval(arm["planning_ms"], 1), _interval(arm["nodes_per_plan"], 0)]
+        lines.append("| " + " | ".join(cells) + " |")
+    if summary["comparisons"]:
+        lines += ["", "| claim | metric | difference | holds |", "|---|---|---|---|"]
+    for entry in summary["comparisons"]:
+        holds = {True: "yes", False: "no", None: "too few trials"}[entry["holds"]]
+        since = f" from step {entry['from_step']}" if entry["from_step"] else ""
+        lines.append(
+            f"| {entry['claim']} | {entry['metric']}{since}: {entry['arm']} − {entry['against']} "
+            f"| {_interval(entry['difference'], 3)} | {holds} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _interval(value: Mapping[str, float | None], digits: int) -> str:
+    mean, low, high = value["mean"], value["low"], value["high"]
+    if mean is None:
+        return "–"
+    text = f"{mean:.{digits}f}"
+    return text if low is None or high is None else f"{text} ± {0.5 * (high - low):.{digits}f}"
