@@ -54,7 +54,7 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
                 LinkName.GROUND: vehicle.ground_url,
             }
         )
-        _log.info("vehicle %d: autopilot %s, ground %s", vehicle_id, vehicle.autopilot_url, vehicle.ground_url)
+        _log.info("autopilot %s, ground %s", vehicle.autopilot_url, vehicle.ground_url)
         await process.run()
     finally:
         process.close()
