@@ -91,7 +91,10 @@ class Agent:
             initial_speed_std_m_s=scenario.targets.initial_speed_std_m_s,
             max_message_age_steps=scenario.estimation.max_message_age_steps,
         )
-        self._landmarks = Landmarks(scenario.exploration.max_landmarks)
+        self._landmarks = Landmarks(
+            scenario.exploration.max_landmarks,
+            patience=max(1, round(scenario.exploration.landmark_patience_s / scenario.mission.step_s)),
+        )
         self._looks: list[tuple[float, Look]] = []
         self._peer_plans: dict[int, PeerPlan] = {}
         self._step = -1

@@ -167,6 +167,7 @@ class ExplorationConfig(Section):
     )
     max_landmarks: Annotated[int, Field(ge=0, le=64)] = 6
     landmark_sigma_m: Positive = 1.0
+    landmark_patience_s: Positive = Field(default=60.0, description="after which an unseen landmark gives up its place")
 
 
 class PlannerConfig(Section):

@@ -42,7 +42,11 @@ def frontier_cells(grid: VisibilityGrid) -> NDArray[np.bool_]:
 
 
 def frontier_landmarks(
-    grid: VisibilityGrid, max_landmarks: int, near: Pose | None, kept: Sequence[Place] = ()
+    grid: VisibilityGrid,
+    max_landmarks: int,
+    near: Pose | None,
+    kept: Sequence[Place] = (),
+    resting: NDArray[np.bool_] | None = None,
 ) -> list[Place]:
     """Places that stand for the frontier: centres of frontier cells, at most ``max_landmarks``.
 
@@ -56,15 +60,30 @@ def frontier_landmarks(
         max_landmarks: How many new ones to give at most; fewer for a small frontier, none if all is explored.
         near: Of several equal starts the one nearest to here is taken; None for the southernmost, then westernmost.
         kept: North m, east m of landmarks that stay: what they stand for needs no other.
+        resting: (rows, columns) cells that get no landmark as long as there are others.
 
     Returns:
         North m, east m, ordered from south to north, then west to east.
     """
+    return list(_clusters(grid, max_landmarks, near, kept, resting))
+
+
+def _clusters(
+    grid: VisibilityGrid,
+    max_landmarks: int,
+    near: Pose | None,
+    kept: Sequence[Place],
+    resting: NDArray[np.bool_] | None,
+) -> dict[Place, float]:
+    """As :func:`frontier_landmarks`, with each cluster's squared radius in cells."""
     if max_landmarks <= 0:
-        return []
-    rows, columns = np.nonzero(frontier_cells(grid))
+        return {}
+    frontier = frontier_cells(grid)
+    if resting is not None and (awake := frontier & ~resting).any():
+        frontier = awake
+    rows, columns = np.nonzero(frontier)
     if len(rows) == 0:
-        return []
+        return {}
     if len(rows) > MAX_CANDIDATES:
         # every k-th cell stands for all; an odd k does not keep to the same columns of whole tiles
         k = math.ceil(len(rows) / MAX_CANDIDATES) | 1
@@ -74,10 +93,11 @@ def frontier_landmarks(
     centres = _farthest_points(
         cells, fixed, max_landmarks, None if near is None else _in_cells(grid, *near.as_tuple()[:2])
     )
+    radii = np.zeros(len(centres))
     for _ in range(LLOYD_ROUNDS):
-        centres = _centred(cells, fixed, centres)
-    found = sorted({(int(row), int(column)) for row, column in centres})
-    return [grid.centre(row, column) for row, column in found]
+        centres, radii = _centred(cells, fixed, centres)
+    found = sorted((int(row), int(column), float(radius)) for (row, column), radius in zip(centres, radii, strict=True))
+    return {grid.centre(row, column): radius for row, column, radius in found}
 
 
 class Landmarks:
@@ -85,12 +105,26 @@ class Landmarks:
 
     So a plan and the next one mean the same landmark by the same id, and the goals of exploration do not jump about
     while the frontier grows.
+
+    Some cells are never seen: behind an obstacle, or in a corner that no plan may enter. So a landmark that is still
+    unexplored after ``patience`` updates gives up its place, and the part of the frontier that it stood for rests for
+    as long: other parts come first.
     """
 
-    def __init__(self, max_landmarks: int) -> None:
-        """No landmark yet; at most ``max_landmarks`` at any time."""
+    def __init__(self, max_landmarks: int, patience: int = 120) -> None:
+        """No landmark yet.
+
+        Args:
+            max_landmarks: How many there are at most.
+            patience: For how many updates a landmark waits to be seen.
+        """
         self._max_landmarks = max_landmarks
+        self._patience = patience
         self._places: dict[int, Place] = {}
+        self._until: dict[int, int] = {}
+        self._radius: dict[int, float] = {}
+        self._rest_until: NDArray[np.int64] | None = None
+        self._updates = 0
         self._next_id = FIRST_LANDMARK_ID
 
     @property
@@ -99,13 +133,36 @@ class Landmarks:
         return MappingProxyType(self._places)
 
     def update(self, grid: VisibilityGrid, near: Pose | None) -> Mapping[int, Place]:
-        """Drop the landmarks whose cell is explored and add new ones at the frontier; the landmarks then."""
+        """Drop landmarks whose cell is explored, and those not seen for too long; add new ones at the frontier.
+
+        Returns:
+            The landmarks then.
+        """
+        self._updates += 1
         self._places = {i: place for i, place in self._places.items() if _is_unexplored(grid, place)}
+        tired = [i for i in self._places if self._until[i] <= self._updates]
+        if tired:
+            self._put_to_rest(grid, tired)
         vacant = self._max_landmarks - len(self._places)
-        for place in frontier_landmarks(grid, vacant, near, tuple(self._places.values())):
+        resting = None if self._rest_until is None else self._rest_until > self._updates
+        for place, radius in _clusters(grid, vacant, near, tuple(self._places.values()), resting).items():
             self._places[self._next_id] = place
+            self._until[self._next_id] = self._updates + self._patience
+            self._radius[self._next_id] = radius
             self._next_id += 1
+        self._until = {i: self._until[i] for i in self._places}
+        self._radius = {i: self._radius[i] for i in self._places}
         return self.places
+
+    def _put_to_rest(self, grid: VisibilityGrid, tired: Sequence[int]) -> None:
+        """Drop landmarks, and let the cells rest that are as near to them as those that they stood for."""
+        if self._rest_until is None:
+            self._rest_until = np.zeros(grid.explored.shape, dtype=np.int64)
+        rows, columns = np.nonzero(grid.inside & ~grid.explored)
+        cells = np.column_stack([rows, columns]).astype(np.float64)
+        for i in tired:
+            rests = _squared_distances(cells, _in_cells(grid, *self._places.pop(i))) <= self._radius[i]
+            self._rest_until[rows[rests], columns[rests]] = self._updates + self._patience
 
 
 def _in_cells(grid: VisibilityGrid, north_m: float, east_m: float) -> Array:
@@ -140,12 +197,17 @@ def _farthest_points(cells: Array, fixed: Array, count: int, near: Array | None)
     return cells[chosen]
 
 
-def _centred(cells: Array, fixed: Array, centres: Array) -> Array:
-    """One round of k-means: each centre moves to the cell of its cluster that is nearest to the cluster's centroid."""
+def _centred(cells: Array, fixed: Array, centres: Array) -> tuple[Array, Array]:
+    """One round of k-means: each centre moves to the cell of its cluster that is nearest to the cluster's centroid.
+
+    Returns:
+        The centres, and the squared distance of the farthest cell of each cluster.
+    """
     everyone = np.concatenate([fixed, centres])
     owner = np.argmin([_squared_distances(cells, point) for point in everyone], axis=0) if len(everyone) else None
-    moved = centres.copy()
+    moved, radii = centres.copy(), np.zeros(len(centres))
     for k in range(len(centres)):
         members = cells[owner == len(fixed) + k]
         moved[k] = members[np.argmin(_squared_distances(members, members.mean(axis=0)))]
-    return moved
+        radii[k] = _squared_distances(members, moved[k]).max()
+    return moved, radii

@@ -147,3 +147,42 @@ def test_exploration_of_the_lab_ends_and_starts_anew_when_places_are_forgotten()
     assert idle > 60
     _, idle = fly(15.0)
     assert idle == 0
+
+
+def test_what_is_never_seen_does_not_keep_a_landmark_for_ever():
+    """A strip that no look reaches holds all landmarks; then the rest of the frontier has its turn, then both again."""
+    grid = VisibilityGrid(AREA, 0.5)
+    explore_all(grid)
+    grid.explored[4:6, 4:20] = False  # never seen again, whatever is observed
+    landmarks = Landmarks(2, patience=10)
+    hidden = dict(landmarks.update(grid, None))
+    assert len(hidden) == 2
+    for _ in range(9):
+        assert dict(landmarks.update(grid, None)) == hidden
+    grid.explored[30:34, 40:44] = False
+    assert all(grid.cell_of(*place)[0] < 6 for place in landmarks.places.values())
+    fresh = dict(landmarks.update(grid, None))
+    assert all(grid.cell_of(*place)[0] >= 30 for place in fresh.values())
+    assert not fresh.keys() & hidden.keys()
+    grid.explored[30:34, 40:44] = True
+    again = dict(landmarks.update(grid, None))
+    assert len(again) == 2, "where nothing else is left, it does not rest"
+    assert all(grid.cell_of(*place)[0] < 6 for place in again.values())
+
+
+def test_only_the_part_of_the_frontier_that_an_unseen_landmark_stood_for_rests():
+    grid = VisibilityGrid(AREA, 0.5)
+    explore_all(grid)
+    grid.explored[4:6, 4:8] = False
+    landmarks = Landmarks(3, patience=10)
+    landmarks.update(grid, None)
+    for _ in range(5):
+        landmarks.update(grid, None)
+    grid.explored[30:32, 40:60] = False  # found later, so its landmark is not tired yet
+    young = {i for i, place in landmarks.update(grid, None).items() if grid.cell_of(*place)[0] >= 30}
+    assert young
+    for _ in range(5):
+        landmarks.update(grid, None)
+    cells = {grid.cell_of(*place)[0] >= 30 for place in landmarks.places.values()}
+    assert cells == {True}
+    assert young <= landmarks.places.keys()
