@@ -79,17 +79,13 @@ class MissionConfig(Section):
             raise ValueError("a fence has at least three different corners and does not cross itself")
         return fence
 
-    @field_validator("obstacles")
-    @classmethod
-    def _obstacles_are_polygons(cls, obstacles: tuple[Polygon, ...]) -> tuple[Polygon, ...]:
-        for index, obstacle in enumerate(obstacles):
-            if not is_simple(obstacle):
-                raise ValueError(f"obstacles[{index}] has at least three different corners and does not cross itself")
-        return obstacles
-
     @model_validator(mode="after")
     def _obstacles_are_in_the_way(self) -> Self:
         for index, obstacle in enumerate(self.obstacles):
+            if not is_simple(obstacle):
+                raise ValueError(
+                    f"obstacles[{index}]: an obstacle has at least three different corners and does not cross itself"
+                )
             if not overlap(self.fence, obstacle):
                 raise ValueError(f"obstacles[{index}]: lies outside the fence; corners are [north m, east m]")
         return self
