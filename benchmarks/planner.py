@@ -132,20 +132,33 @@ def qualities(planner: Planner) -> list[dict[str, float | str]]:
 
 
 def overruns(planner: Planner, plans: int) -> dict[str, float]:
-    """By how much deadlines are missed, ms, over plans of mixed size, with a busy process beside."""
+    """By how much deadlines are missed, ms, over plans of mixed size, with a busy process beside.
+
+    ``undisturbed``: only plans during which the operating system did not take the core away.
+    """
     problems = [problem_of(m, t, seed) for seed, (m, t) in enumerate([(1, 12), (4, 8), (9, 16), (25, 12), (49, 16)])]
     busy = subprocess.Popen([sys.executable, "-c", "while True: pass"])
-    late = []
+    late, undisturbed = [], []
     try:
         for number in range(plans):
             seconds = (0.005, 0.01, 0.02, 0.05)[number % 4]
+            switches = resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw
             deadline = time.perf_counter() + seconds
             planner.plan(problems[number % len(problems)], Budget(deadline_s=deadline))
             late.append(1e3 * (time.perf_counter() - deadline))
+            if resource.getrusage(resource.RUSAGE_THREAD).ru_nivcsw == switches:
+                undisturbed.append(late[-1])
     finally:
         busy.kill()
         busy.wait()
-    return {"median_ms": float(np.median(late)), "p99_ms": float(np.quantile(late, 0.99)), "max_ms": max(late)}
+    return {
+        "median_ms": float(np.median(late)),
+        "p99_ms": float(np.quantile(late, 0.99)),
+        "max_ms": max(late),
+        "undisturbed": float(len(undisturbed)),
+        "undisturbed_p99_ms": float(np.quantile(undisturbed, 0.99)),
+        "undisturbed_max_ms": max(undisturbed),
+    }
 
 
 def memory(planner: Planner) -> dict[str, float]:
