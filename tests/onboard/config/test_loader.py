@@ -106,7 +106,7 @@ BROKEN = {
     "obstacle that crosses itself": (
         "  separation_m: 0.8",
         "  obstacles:\n    - [[1, 1], [2, 2], [2, 1], [1, 2]]",
-        ":8: mission.obstacles[0]: an obstacle has at least three different corners and does not cross itself",
+        ":9: mission.obstacles[0]: an obstacle has at least three different corners and does not cross itself",
     ),
     "obstacle of two corners": ("  separation_m: 0.8", "  obstacles: [[[1, 1], [2, 2]]]", ":8: mission.obstacles[0]: an obstacle has at least three different corners and does not cross itself"),
     "obstacle outside": ("  separation_m: 0.8", "  obstacles: [[[5, 1], [6, 1], [6, 2]]]", ":8: mission.obstacles[0]: lies outside the fence; corners are [north m, east m]"),
