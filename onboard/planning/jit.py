@@ -17,7 +17,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 @cache
 def source_digest(folder: Path = Path(__file__).parent) -> str:
-    """A digest of the sources in a folder, the planner's unless told otherwise: kernels are valid for this text only."""
+    """A digest of the sources in a folder, the planner's unless told otherwise."""
     digest = hashlib.sha256()
     for path in sorted(folder.glob("*.py")):
         digest.update(path.name.encode())
