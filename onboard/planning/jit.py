@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-__all__ = ["entry_kernel", "inlined_kernel", "kernel", "source_digest"]
+__all__ = ["entry_kernel", "inlined_kernel", "is_cached", "kernel", "source_digest"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -53,3 +53,9 @@ def entry_kernel(function: Function) -> Function:
     stamp = source_digest(), source_digest(Path(function.__code__.co_filename).parent)
     dispatcher._cache._cache_file._source_stamp = stamp
     return cast(Function, dispatcher)
+
+
+def is_cached(dispatcher: Callable[..., Any]) -> bool:
+    """Whether the disk holds machine code of an entry kernel that is current."""
+    cache_file: Any = cast(Any, dispatcher)._cache._cache_file
+    return bool(cache_file._load_index())

@@ -6,6 +6,8 @@ import fcntl
 import hashlib
 import math
 import os
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -16,29 +18,51 @@ from onboard.estimation.target_models import TargetModel, TargetMotion
 from onboard.estimation.warmup import warm_filter
 from onboard.geometry import Pose
 from onboard.mapping.line_of_sight import warm_line_of_sight
-from onboard.planning.jit import source_digest
+from onboard.planning.jit import is_cached, source_digest
 from onboard.planning.plan import Budget
 from onboard.planning.planner import Planner
 from onboard.planning.primitives import Primitive
 from onboard.planning.problem import Block, Problem, Teammate
+from onboard.planning.search import run_schedule
 
-__all__ = ["warm_kernels"]
+__all__ = ["warm_filter_and_map", "warm_kernels"]
 
 
 def warm_kernels() -> None:
     """Compile every kernel of an onboard process, or load it from the cache on disk.
 
     Numba's cache is not made for several processes that compile at once. So this holds a lock while it works: of
-    several processes that start together one compiles, and the others wait and load.
+    several processes that start together one compiles, and the others wait and load. What is not the planner's is
+    compiled beside it, in a process of its own, for compiling keeps one core busy for seconds.
 
     Raises:
         OSError: If the lock file cannot be made.
     """
     with _lock_path().open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        warm_filter()
-        warm_line_of_sight()
-        Planner(node_limit=64).plan(_small_problem(), Budget(nodes=32))
+        beside = None if is_cached(run_schedule) else subprocess.Popen(_WARM_BESIDE, env=_environment())
+        try:
+            Planner(node_limit=64).plan(_small_problem(), Budget(nodes=32))
+        finally:
+            if beside is not None:
+                beside.wait()
+        warm_filter_and_map()
+
+
+def warm_filter_and_map() -> None:
+    """Compile or load what is not the planner's; :func:`warm_kernels` does so under its lock."""
+    warm_filter()
+    warm_line_of_sight()
+
+
+_WARM_BESIDE = [sys.executable, "-c", "from onboard.planning.warmup import warm_filter_and_map as warm; warm()"]
+
+
+def _environment() -> dict[str, str]:
+    """This process's environment, with this very package first on the path."""
+    root = str(Path(__file__).resolve().parents[2])
+    path = os.environ.get("PYTHONPATH")
+    return {**os.environ, "PYTHONPATH": root if path is None else os.pathsep.join((root, path))}
 
 
 def _lock_path() -> Path:
