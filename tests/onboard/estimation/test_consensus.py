@@ -78,3 +78,19 @@ def test_fusing_a_belief_with_itself_leaves_it():
     vector, matrix = fuse([0.5, 0.25, 0.25], [belief] * 3)
     np.testing.assert_allclose(vector, belief[0], rtol=1e-15)
     np.testing.assert_allclose(matrix, belief[1], rtol=1e-15)
+
+
+def test_an_ignorant_neighbours_weight_belongs_to_oneself():
+    """Robots 1 and 2 know a target, robot 3, in range of 2 only, never does. Both robots' information counts the same.
+
+    Dividing all weights, one's own too, by the sum of those that know would also sum to one, and be consistent, but it
+    makes robot 1's information count 1.5 times robot 2's: the mean over the team is not kept.
+    """
+    own_1, (to_2,) = fusion_weights(1, [2], knows=True)
+    own_2, (to_1,) = fusion_weights(2, [1], knows=True)
+    ours = np.array([[own_1, to_2], [to_1, own_2]])
+    np.testing.assert_allclose(np.linalg.matrix_power(ours, 60), np.full((2, 2), 0.5), atol=1e-12)
+    kappa = metropolis_weight(1, 2)
+    divided = np.array([[1.0 - kappa, kappa], [kappa / (1.0 - kappa), (1.0 - 2.0 * kappa) / (1.0 - kappa)]])
+    np.testing.assert_allclose(divided.sum(axis=1), 1.0)
+    np.testing.assert_allclose(np.linalg.matrix_power(divided, 60)[0], [0.6, 0.4], atol=1e-12)
