@@ -31,7 +31,7 @@ STYLE: dict[Any, Any] = {
 _PANELS = (
     ("entropy_nats", "entropy per known target, nats"),
     ("known_by_robot", "targets known to a robot"),
-    ("rmse_m", "RMSE of position, m"),
+    ("rmse_per_target_m", "position RMSE per known target, m"),
 )
 _MAX_POINTS = 300
 

@@ -9,9 +9,10 @@ __all__ = ["markdown"]
 
 _COLUMNS = (
     ("entropy, nats", "time_mean", "entropy_nats", 2),
-    ("targets known to a robot", "time_mean", "known_by_robot", 2),
+    ("known to a robot", "time_mean", "known_by_robot", 2),
     ("at the end", "last_step", "known_by_robot", 2),
-    ("RMSE, m", "time_mean", "rmse_m", 3),
+    ("RMSE per target, m", "time_mean", "rmse_per_target_m", 2),
+    ("tracked by a robot", "time_mean", "tracked_by_robot", 2),
 )
 
 

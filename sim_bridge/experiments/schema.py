@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -25,8 +25,16 @@ from sim_bridge.lockstep.config import WorldConfig
 
 __all__ = ["METRICS", "ArmConfig", "ComparisonConfig", "ExperimentFile", "Metric", "Setting", "TeamConfig"]
 
-Metric = Literal["rmse_m", "entropy_nats", "known_by_robot", "known_by_team", "explored_share"]
-METRICS: tuple[Metric, ...] = ("entropy_nats", "known_by_robot", "rmse_m", "known_by_team", "explored_share")
+Metric = Literal[
+    "entropy_nats",
+    "known_by_robot",
+    "rmse_per_target_m",
+    "rmse_m",
+    "tracked_by_robot",
+    "known_by_team",
+    "explored_share",
+]
+METRICS: tuple[Metric, ...] = get_args(Metric)
 
 Label = Annotated[str, Field(min_length=1, max_length=60)]
 

@@ -155,7 +155,7 @@ class LockstepWorld:
             self._hear(index, step, time_s)
         outputs = [robot.agent.step(step, pose, time_s) for robot, pose in zip(self.robots, poses, strict=True)]
         plans = self._plan(step, poses, time_s) if step % self._scenario.mission.replan_steps == 0 else []
-        merit = figures_of_merit([robot.agent.tracks for robot in self.robots], truth)
+        merit = figures_of_merit([robot.agent.tracks for robot in self.robots], truth, self._sensor.max_range_m)
         for index, output in enumerate(outputs):
             self.network.broadcast(index, _messages(output), step + 1)
         for robot in self.robots:
