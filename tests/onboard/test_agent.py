@@ -152,3 +152,67 @@ def test_what_a_plan_says_to_peers_is_what_is_flown(scenario: Scenario) -> None:
     assert agent.own_plan == told
     assert told.cost == made.cost
     assert told.sender == 1
+
+
+def with_changes(scenario: Scenario, **sections: dict[str, object]) -> Scenario:
+    data = scenario.model_dump()
+    for section, changes in sections.items():
+        data[section] |= changes
+    return Scenario.model_validate(data)
+
+
+WALL = ((2.6, 2.0), (2.8, 2.0), (2.8, 6.0), (2.6, 6.0))
+
+
+def test_obstacles_hide_cells_from_the_map_and_keep_plans_away(scenario: Scenario) -> None:
+    agent = agent_of(with_changes(scenario, mission={"obstacles": (WALL,), "obstacle_clearance_m": 0.25}), 1)
+    agent.step(0, HERE, START_S)
+    assert agent.grid.explored[agent.grid.cell_of(2.4, 4.0)]
+    assert not agent.grid.inside[agent.grid.cell_of(2.7, 4.0)]
+    assert not agent.grid.explored[agent.grid.cell_of(2.9, 4.0)], "near enough, but behind the wall"
+    problem = agent.problem(2, Pose(1.0, 4.0, 0.0), Group((1,), 0))
+    obstacles = problem.obstacles
+    assert obstacles is not None
+    plan = Planner(node_limit=10_000).plan(problem, Budget(nodes=2000))
+    assert plan.feasible
+    for north, east, _ in plan.poses:
+        assert not (2.35 < north < 3.05 and 1.75 < east < 6.25)
+
+
+def explored_share(scenario: Scenario, seed: int) -> float:
+    """What one robot explores in 30 s with a target in the corner that keeps it busy, averaged over that time."""
+    rng = np.random.default_rng(seed)
+    agent, sensor = agent_of(scenario, 1), scenario.sensor.build()
+    planner = Planner(node_limit=20_000)
+    pose, target, shares = Pose(9.5, 9.5, float(rng.uniform(-3.0, 3.0))), rng.uniform(8.0, 11.0, size=2), []
+    primitives = []
+    for step in range(60):
+        target = np.clip(target + 0.2 * rng.normal(size=2), 7.5, 11.5)
+        distance, bearing = sensor.measure(pose, *target)
+        if sensor.sees(distance, bearing):
+            noise = np.sqrt(sensor.variances(distance, bearing)) * rng.normal(size=2)
+            agent.look(START_S + 0.5 * step, Look(1, pose, distance + noise[0], bearing + noise[1]))
+        agent.step(step, pose, START_S + 0.5 * step)
+        shares.append(agent.grid.explored_share)
+        if step % 4 == 0:
+            plan = planner.plan(agent.problem(step, pose, Group((1,), 0)), Budget(nodes=600))
+            primitives = agent.controls(agent.adopt(step, pose, plan, 0.1))
+        pose = advance(pose, primitives[step % 4], 0.5)
+    return float(np.mean(shares))
+
+
+def test_more_uncertain_landmarks_explore_faster(scenario: Scenario) -> None:
+    """``landmark_sigma_m`` trades exploration against tracking: the paper, section V-A."""
+    field = with_changes(
+        scenario,
+        mission={"fence": ((0.0, 0.0), (12.0, 0.0), (12.0, 12.0), (0.0, 12.0))},
+        sensor={"max_range_m": 3.0, "fov_deg": 94.0, "range_std_m": 0.15},
+        targets={"noise": 0.08},
+        exploration={"cell_m": 0.5, "forget_after_s": None},
+    )
+    shares = []
+    for sigma_m in (0.01, 0.1, 1.0):
+        tuned = with_changes(field, exploration={"landmark_sigma_m": sigma_m})
+        shares.append(np.mean([explored_share(tuned, seed) for seed in range(6)]))
+    assert shares[1] > 1.1 * shares[0]
+    assert shares[2] > 1.1 * shares[1]

@@ -160,6 +160,58 @@ def test_robots_that_meet_later_become_equal_by_the_slow_repetition():
     assert most <= 1
 
 
+@settings(deadline=None, max_examples=25)
+@given(
+    loss=st.floats(0.0, 0.8),
+    links=st.sets(st.tuples(st.integers(0, 3), st.integers(0, 3)), max_size=6),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_maps_of_a_connected_team_become_equal_in_spite_of_loss(loss, links, seed):
+    """Robots fly about and lose messages; then they stand still, and news and repetitions make all maps their union."""
+    rng = np.random.default_rng(seed)
+    team = [VisibilityGrid(L_SHAPE, 0.25) for _ in range(4)]
+    links = {frozenset(link) for link in links if link[0] != link[1]} | {frozenset((i, i + 1)) for i in range(3)}
+
+    def exchange():
+        sent = [grid.tiles(changed_since_last=True) for grid in team]
+        for i, j in [*map(sorted, links), *(sorted(link, reverse=True) for link in links)]:
+            for tile in sent[i]:
+                if rng.random() >= loss:
+                    team[j].merge(tile, 0.0)
+
+    for _ in range(5):
+        for grid in team:
+            pose = Pose(rng.uniform(-3.0, 6.0), rng.uniform(-5.0, 7.0), rng.uniform(-3.0, 3.0))
+            grid.observe(pose, NARROW, 0.0)
+        exchange()
+    union = np.logical_or.reduce([grid.explored for grid in team])
+    # a tile goes out at least every 16th round; that all of 25 fail on one of three links has a chance below 1 %
+    for _ in range(16 * 25):
+        exchange()
+        if all(np.array_equal(grid.explored, union) for grid in team):
+            break
+    for grid in team:
+        np.testing.assert_array_equal(grid.explored, union)
+
+
+def test_what_obstacles_cut_off_does_not_count():
+    """A closed yard in the middle can never be seen into: without its cells the whole area can be explored."""
+    yard = np.zeros((16, 32), dtype=bool)
+    yard[4:12, 8:20] = True
+    walls = yard.copy()
+    walls[5:11, 9:19] = False
+    obstacles = Obstacles(walls, 0.0, 0.0, 0.25)
+    home = [(0.5, 0.5)]
+    grid = VisibilityGrid(LAB, 0.25, obstacles=obstacles, reachable_from=home)
+    expected = np.zeros_like(grid.inside)
+    expected[:16, :32] = ~yard
+    np.testing.assert_array_equal(grid.inside, expected)
+    assert VisibilityGrid(LAB, 0.25, obstacles=obstacles).inside.sum() == expected.sum() + 6 * 10
+    walls[11, 12] = False  # a door
+    open_yard = VisibilityGrid(LAB, 0.25, obstacles=Obstacles(walls, 0.0, 0.0, 0.25), reachable_from=home)
+    assert open_yard.inside.sum() == expected.sum() + 6 * 10 + 1
+
+
 def test_cells_outside_the_fence_are_ignored():
     grid = VisibilityGrid(L_SHAPE, 0.25)
     grid.merge(ExploredTile(0, 0, 250, b"\xff" * 128), 0.0)
