@@ -28,6 +28,15 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+MAX_MEAN = 1e6
+"""Of a belief's entries, m or m/s."""
+MIN_INFORMATION, MAX_INFORMATION = 1e-12, 1e12
+"""Of the diagonal of Ω: standard deviations of 1e6 to 1e-6 m or m/s."""
+MAX_ASYMMETRY = 1e-5
+"""Of ``|Ω_ij − Ω_ji|/sqrt(Ω_ii Ω_jj)``."""
+MIN_SCALED_EIGENVALUE = 1e-7
+"""Of Ω scaled to a unit diagonal. Entries come in single precision, so what is smaller than that is rounding."""
+
 
 def scratch(size: int) -> Array:
     """Room for a kernel's intermediate matrices: (4, n, n)."""
@@ -234,28 +243,10 @@ def fuse_blocks(
 
 
 @entry_kernel
-def check_information(
-    vector: Array,
-    matrix: Array,
-    lowest: float,
-    highest: float,
-    asymmetry: float,
-    smallest_eigenvalue: float,
-    farthest: float,
-    work: Array,
-) -> int:
-    """Whether ω, (n,), and Ω, (n, n), are a Gaussian that can be fused; Ω is made exactly symmetric in place.
+def check_information(vector: Array, matrix: Array, work: Array) -> int:
+    """Whether ω, (n,), and Ω, (n, n), are a Gaussian of this world; Ω is made exactly symmetric in place.
 
-    Args:
-        vector: ω.
-        matrix: Ω.
-        lowest: Of its diagonal, m⁻² or s²/m².
-        highest: Of its diagonal.
-        asymmetry: Largest ``|Ω_ij − Ω_ji|/sqrt(Ω_ii Ω_jj)``.
-        smallest_eigenvalue: Lower bound of the eigenvalues of Ω scaled to a unit diagonal: they all lie above s iff
-            Ω − s·I, so scaled, has a Cholesky factor.
-        farthest: Bound of the mean's entries, m or m/s.
-        work: As :func:`scratch` gives it.
+    The eigenvalues of Ω scaled to a unit diagonal all lie above s iff that matrix less s·I has a Cholesky factor.
 
     Returns:
         0, or what is wrong: 1 not finite, 2 not positive definite, 3 diagonal out of bounds, 4 not symmetric, 5 mean
@@ -263,30 +254,30 @@ def check_information(
     """
     size = vector.shape[0]
     lower, scaled, mean = work[0], work[1], work[2, 0]
-    defect = _defect_of_entries(vector, matrix, lowest, highest)
+    defect = _defect_of_entries(vector, matrix)
     if defect != 0:
         return defect
     for i in range(size):
         for j in range(i):
             scale = math.sqrt(matrix[i, i] * matrix[j, j])
-            if abs(matrix[i, j] - matrix[j, i]) > asymmetry * scale:
+            if abs(matrix[i, j] - matrix[j, i]) > MAX_ASYMMETRY * scale:
                 return 4
             matrix[i, j] = matrix[j, i] = 0.5 * (matrix[i, j] + matrix[j, i])
             scaled[i, j] = matrix[i, j] / scale
-        scaled[i, i] = 1.0 - smallest_eigenvalue
+        scaled[i, i] = 1.0 - MIN_SCALED_EIGENVALUE
     if not factor(scaled, lower) or not factor(matrix, lower):
         return 2
     for i in range(size):
         mean[i] = vector[i]
     solve(lower, mean)
     for i in range(size):
-        if not abs(mean[i]) <= farthest:
+        if not abs(mean[i]) <= MAX_MEAN:
             return 5
     return 0
 
 
 @kernel
-def _defect_of_entries(vector: Array, matrix: Array, lowest: float, highest: float) -> int:
+def _defect_of_entries(vector: Array, matrix: Array) -> int:
     size = vector.shape[0]
     for i in range(size):
         if not math.isfinite(vector[i]):
@@ -298,6 +289,6 @@ def _defect_of_entries(vector: Array, matrix: Array, lowest: float, highest: flo
         if matrix[i, i] <= 0.0:
             return 2
     for i in range(size):
-        if not lowest <= matrix[i, i] <= highest:
+        if not MIN_INFORMATION <= matrix[i, i] <= MAX_INFORMATION:
             return 3
     return 0

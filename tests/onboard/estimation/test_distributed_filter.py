@@ -399,6 +399,22 @@ def test_single_precision_of_the_wire_keeps_beliefs_usable(seed, condition):
     assert error @ track.information_matrix @ error < 0.1
 
 
+@pytest.mark.parametrize("convert", [np.asfortranarray, lambda a: a.astype(np.float32), lambda a: a.tolist()])
+def test_any_kind_of_array_is_taken_and_none_is_kept(convert):
+    """A view of the sender's memory must not let it change the belief afterwards."""
+    sent = belief(covariance=[[1.0, 0.25], [0.25, 0.5]])
+    expected = new_filter()
+    expected.receive(sent)
+    expected.advance(1, {2}, [])
+    ours = new_filter()
+    vector, matrix = convert(sent.information_vector), convert(sent.information_matrix)
+    ours.receive(Belief(2, 0, 1, sent.model, 1, vector, matrix))
+    vector[0] = 1e9
+    matrix[0][0] = 1e9
+    ours.advance(1, {2}, [])
+    np.testing.assert_allclose(ours.tracks[1].information_matrix, expected.tracks[1].information_matrix, rtol=1e-6)
+
+
 # Teams
 
 
