@@ -65,7 +65,7 @@ class InboxCounts:
 
 
 def _copied(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A contiguous, writable copy of doubles: for any other kind of array a kernel would be compiled anew, in flight."""
+    """A contiguous, writable copy of doubles: any other kind of array would have a kernel compiled anew, in flight."""
     if type(values) is np.ndarray and values.dtype is _DOUBLE:
         return values.copy()  # much faster than the general way, and hundreds of beliefs arrive in a step
     return np.array(values, dtype=np.float64, order="C")
