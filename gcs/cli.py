@@ -29,6 +29,17 @@ Record = Annotated[
 ]
 Headless = Annotated[bool, typer.Option("--headless", help="Lines of text instead of the live picture.")]
 
+Dashboard = Annotated[
+    bool | None,
+    typer.Option(show_default=False, help="Serve the live dashboard; not with --headless unless asked for."),
+]
+DashboardPort = Annotated[
+    int, typer.Option(metavar="PORT", min=1, max=65535, help="TCP port of the dashboard; if in use, the next free one.")
+]
+DashboardHost = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="Address of the dashboard; whoever reaches it can command the team.")
+]
+
 app = typer.Typer(
     name="arvi",
     help="Fly teams of robots that plan together where to look (MAVLink, PX4).",
@@ -68,15 +79,19 @@ def fly(
     headless: Headless = False,
     record: Record = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the summary as JSON.")] = None,
+    dashboard: Dashboard = None,
+    dashboard_port: DashboardPort = 5006,
+    dashboard_host: DashboardHost = "127.0.0.1",
 ) -> None:
     """Fly a simulated team: take off, search, track, land; then print a summary.
 
     Starts the bridge, one onboard process per vehicle and the ground station, each a process of its own that speaks
-    MAVLink over UDP. Ctrl-C lands the team; a second one stops everything at once.
+    MAVLink over UDP, and a dashboard for the browser, whose address it prints. Ctrl-C lands the team; a second one
+    stops everything at once.
 
     **Examples**
 
-    - `arvi fly configs/lab.yaml`: two minutes with a live picture
+    - `arvi fly configs/lab.yaml`: two minutes with a live picture and the dashboard
 
     - `arvi fly configs/lab.yaml --duration 60 --seed 7 --headless --json result.json`: for scripts
 
@@ -89,9 +104,13 @@ def fly(
     scenario = _load(config)
     if json is not None and not json.parent.is_dir():
         _refuse(f"--json {json}: the folder {json.parent} does not exist")
+    from gcs.dashboard.start import DashboardOptions
     from gcs.run import run_flight
 
-    raise typer.Exit(run_flight(config, scenario, duration, seed, record, json, _version(), headless=headless))
+    browser = DashboardOptions(dashboard, dashboard_host, dashboard_port)
+    raise typer.Exit(
+        run_flight(config, scenario, duration, seed, record, json, _version(), headless=headless, dashboard=browser)
+    )
 
 
 @app.command()
@@ -138,10 +157,13 @@ def gcs(
     ] = None,
     headless: Headless = False,
     record: Record = None,
+    dashboard: Dashboard = None,
+    dashboard_port: DashboardPort = 5006,
+    dashboard_host: DashboardHost = "127.0.0.1",
 ) -> None:
     """Run the ground station alone, for a team whose processes are started elsewhere.
 
-    Without --start it only watches and records.
+    Without --start it only watches, records, and commands what the dashboard's buttons order.
 
     **Examples**
 
@@ -152,9 +174,13 @@ def gcs(
     if duration is not None and not start:
         _refuse("--duration needs --start: a station that only watches does not end a flight")
     scenario = _load(config)
+    from gcs.dashboard.start import DashboardOptions
     from gcs.run import run_station
 
-    raise typer.Exit(run_station(config, scenario, duration, record, _version(), start=start, headless=headless))
+    browser = DashboardOptions(dashboard, dashboard_host, dashboard_port)
+    raise typer.Exit(
+        run_station(config, scenario, duration, record, _version(), start=start, headless=headless, dashboard=browser)
+    )
 
 
 @app.command()

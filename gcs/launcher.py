@@ -16,6 +16,7 @@ from gcs import summary
 from gcs.errors import GroundError
 from gcs.folder import describe_run, run_folder
 from gcs.mission import MissionDirector, Phase
+from gcs.operator_desk import OperatorDesk
 from gcs.ports import check_free, needed_ports
 from gcs.preflight import check_simulation
 from gcs.recorder import Recorder
@@ -96,8 +97,16 @@ class FlightResult:
     folder: Path | None
 
 
-async def fly(options: FlightOptions, display: Display, programs: Programs | None = None) -> FlightResult:
+async def fly(
+    options: FlightOptions, display: Display, programs: Programs | None = None, desk: OperatorDesk | None = None
+) -> FlightResult:
     """Fly a simulated team.
+
+    Args:
+        options: What to fly.
+        display: Where the operator looks.
+        programs: What is started; the real ones unless given.
+        desk: Where an operator's orders arrive.
 
     Raises:
         GroundError: Ports are in use, the recording's folder cannot be made, or the scenario cannot be simulated.
@@ -112,7 +121,8 @@ async def fly(options: FlightOptions, display: Display, programs: Programs | Non
     check_free(needed_ports(options.scenario))
     stop = StopRequests()
     with stop.listening(), run_folder(options.record, options.scenario.name) as folder:
-        flight = _Flight(options, programs or Programs.of(options.config, options.seed), display, stop, folder.path)
+        programs = programs or Programs.of(options.config, options.seed)
+        flight = _Flight(options, programs, display, stop, folder.path, desk)
         problems: tuple[str, ...] = ("the flight was not finished",)
         try:
             result = await flight.run()
@@ -126,7 +136,13 @@ class _Flight:
     """One flight from the first process to the last."""
 
     def __init__(
-        self, options: FlightOptions, programs: Programs, display: Display, stop: StopRequests, folder: Path
+        self,
+        options: FlightOptions,
+        programs: Programs,
+        display: Display,
+        stop: StopRequests,
+        folder: Path,
+        desk: OperatorDesk | None,
     ) -> None:
         mission = options.scenario.mission
         self._options = options
@@ -139,7 +155,7 @@ class _Flight:
         self._incomplete = False
         self._director = MissionDirector(mission.step_s, mission.takeoff_time_s, options.duration_s)
         self._recorder = Recorder(folder) if options.record is not None else None
-        self._station = GroundStation(options.scenario, director=self._director, recorder=self._recorder)
+        self._station = GroundStation(options.scenario, director=self._director, recorder=self._recorder, desk=desk)
         self._supervisor = Supervisor(folder, self._child_ended)
         self._names = {f"vehicle{vehicle.id}": vehicle.id for vehicle in options.scenario.vehicles}
         self._launched_s = 0.0

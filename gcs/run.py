@@ -9,10 +9,12 @@ import time
 from pathlib import Path
 
 from gcs import summary
+from gcs.dashboard.start import DashboardOptions, OpenDashboard, open_dashboard
 from gcs.errors import GroundError
 from gcs.folder import describe_run, run_folder
 from gcs.launcher import FlightOptions, fly
 from gcs.mission import MissionDirector
+from gcs.operator_desk import OperatorDesk
 from gcs.output import open_console
 from gcs.recorder import Recorder
 from gcs.session import Display, StopRequests, run_session
@@ -37,6 +39,7 @@ def run_flight(
     version: str,
     *,
     headless: bool,
+    dashboard: DashboardOptions,
 ) -> int:
     """Fly a simulated team and print the summary; the exit code.
 
@@ -49,8 +52,10 @@ def run_flight(
         json_path: File for the summary.
         version: Of this program.
         headless: Print lines, draw nothing.
+        dashboard: Whether and where it is served.
     """
     console = open_console()
+    desk = OperatorDesk()
     simulated = scenario.simulation
     options = FlightOptions(
         config=config,
@@ -62,8 +67,12 @@ def run_flight(
     )
     title = f"arvi · {scenario.name} · seed {options.seed}"
     try:
-        with open_display(console, scenario, title, headless=headless) as display:
-            result = asyncio.run(fly(options, display))
+        with (
+            open_dashboard(dashboard, scenario, desk, console, headless=headless) as browser,
+            open_display(console, scenario, _titled(title, browser), headless=headless) as terminal,
+        ):
+            display = browser.beside(terminal) if browser is not None else terminal
+            result = asyncio.run(fly(options, display, desk=desk))
         if result.summary is not None:
             console.print(summary.render(result.summary))
             if json_path is not None:
@@ -85,6 +94,7 @@ def run_station(
     *,
     start: bool,
     headless: bool,
+    dashboard: DashboardOptions,
 ) -> int:
     """Run the ground station alone; the exit code.
 
@@ -96,8 +106,10 @@ def run_station(
         version: Of this program.
         start: Start and land the team; otherwise only watch.
         headless: Print lines, draw nothing.
+        dashboard: Whether and where it is served.
     """
     console = open_console()
+    desk = OperatorDesk()
     mission = scenario.mission
     director = None
     if start:
@@ -110,8 +122,13 @@ def run_station(
             if record is not None:
                 describe_run(folder.path, config, {"scenario": scenario.name, "version": version})
                 recorder = Recorder(folder.path)
-            station = GroundStation(scenario, director=director, recorder=recorder)
-            with open_display(console, scenario, f"arvi · {scenario.name}", headless=headless) as display:
+            station = GroundStation(scenario, director=director, recorder=recorder, desk=desk)
+            title = f"arvi · {scenario.name}"
+            with (
+                open_dashboard(dashboard, scenario, desk, console, headless=headless) as browser,
+                open_display(console, scenario, _titled(title, browser), headless=headless) as terminal,
+            ):
+                display = browser.beside(terminal) if browser is not None else terminal
                 reason = asyncio.run(_watch(station, display))
             if recorder is not None:
                 recorder.close()
@@ -122,6 +139,10 @@ def run_station(
     if reason is not None:
         sys.stderr.write(f"{reason}\n")
     return 0 if reason is None else EXIT_FAILED
+
+
+def _titled(title: str, dashboard: OpenDashboard | None) -> str:
+    return title if dashboard is None else f"{title} · {dashboard.url}"
 
 
 async def _watch(station: GroundStation, display: Display) -> str | None:

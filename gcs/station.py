@@ -43,6 +43,7 @@ class GroundStation:
         *,
         director: MissionDirector | None = None,
         recorder: Recorder | None = None,
+        desk: OperatorDesk | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         """Prepare a station; :meth:`open` makes it listen.
@@ -51,11 +52,12 @@ class GroundStation:
             scenario: Whose team it watches.
             director: Decides what is commanded; None only watches.
             recorder: Takes every frame.
+            desk: Where orders arrive; a new one unless given.
             clock: UNIX time, s.
         """
         self.team = TeamMonitor(scenario)
         self.director = director
-        self.desk = OperatorDesk()
+        self.desk = desk if desk is not None else OperatorDesk()
         self._scenario = scenario
         self._recorder = recorder
         self._clock = clock

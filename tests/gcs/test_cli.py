@@ -151,7 +151,7 @@ def test_ports_in_use_are_named_and_exit_with_2(command, own_ports):
 
 def test_a_station_alone_watches_records_and_stops_on_ctrl_c(own_ports, tmp_path):
     process = subprocess.Popen(
-        [sys.executable, "-m", "gcs", "gcs", own_ports, "--record", tmp_path / "rec"],
+        [sys.executable, "-m", "gcs", "gcs", own_ports, "--no-dashboard", "--record", tmp_path / "rec"],
         stdout=subprocess.PIPE,
         text=True,
     )

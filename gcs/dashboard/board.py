@@ -1,0 +1,114 @@
+"""The dashboard's memory: the flight's side hands over moments and events, the pages read what to show.
+
+:class:`DashboardFeed` is a display like the terminal: it takes moments in the flight's thread, and costs it nothing.
+:class:`Board` lives in the dashboard's thread.
+"""
+
+from __future__ import annotations
+
+import queue
+from dataclasses import dataclass
+
+from gcs.dashboard.history import EventLog, FlightHistory
+from gcs.dashboard.view import Columns, MapLayers, MapView, estimate_columns
+from gcs.operator_desk import CommandRecord, OperatorDesk, Order
+from gcs.team import Event, TeamState
+from onboard.config import Scenario
+
+__all__ = ["Board", "DashboardFeed", "Moment"]
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What is shown at one time.
+
+    Attributes:
+        team: The team.
+        phase: What it is doing, in words.
+        time_left_s: Until landing, s; None when there is no such time.
+        commands: What became of the operator's orders.
+    """
+
+    team: TeamState
+    phase: str
+    time_left_s: float | None
+    commands: tuple[CommandRecord, ...]
+
+
+class DashboardFeed:
+    """Between the flight's thread and the dashboard's; a display like the terminal.
+
+    Args:
+        desk: Where the operator's orders go.
+
+    Attributes:
+        latest: What was shown last.
+        failure: Why the dashboard ended before its time; None while all is well.
+    """
+
+    def __init__(self, desk: OperatorDesk) -> None:
+        self.latest: Moment | None = None
+        self.failure: str | None = None
+        self._desk = desk
+        self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+
+    def show(self, team: TeamState, phase: str, time_left_s: float | None) -> None:
+        """Display: keep the moment until the pages look."""
+        self.latest = Moment(team, phase, time_left_s, self._desk.records)
+
+    def event(self, event: Event) -> None:
+        """Display: keep the event."""
+        self._events.put(event)
+
+    def take_events(self) -> list[Event]:
+        """The events since the last call; in the dashboard's thread."""
+        events = []
+        while not self._events.empty():
+            events.append(self._events.get())
+        return events
+
+    def order(self, order: Order) -> None:
+        """Pass an order on, from the dashboard's thread."""
+        self._desk.submit(order)
+
+
+class Board:
+    """What all pages show.
+
+    Attributes:
+        moment: The latest; None before the first.
+        layers: Its map.
+        history: Figures and trails.
+        events: The log.
+        map_view: Knows the mission area.
+    """
+
+    def __init__(self, scenario: Scenario, feed: DashboardFeed) -> None:
+        self.scenario = scenario
+        self.feed = feed
+        self.moment: Moment | None = None
+        self.layers: MapLayers | None = None
+        self.map_view = MapView(scenario)
+        self.history = FlightHistory([vehicle.id for vehicle in scenario.vehicles], self.map_view.bounds)
+        self.events = EventLog()
+        self._estimates: dict[int | None, Columns] = {}
+
+    def refresh(self) -> None:
+        """Take what the flight has handed over."""
+        for event in self.feed.take_events():
+            self.events.add(event)
+        moment = self.feed.latest
+        if moment is None or moment is self.moment:
+            return
+        self.moment = moment
+        self._estimates = {}
+        self.layers = self.map_view.layers(moment.team)
+        self.history.add(moment.team)
+
+    def estimates(self, robot: int | None) -> Columns:
+        """Estimates of one robot, or the best of all, worked out once for all pages."""
+        if self.moment is None:
+            return {}
+        if robot not in self._estimates:
+            self._estimates[robot] = estimate_columns(self.moment.team, self.map_view.bounds, robot)
+        return self._estimates[robot]

@@ -1,0 +1,139 @@
+"""What was: figures over time for the charts, trails for the map, events for the list. All bounded."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from gcs.dashboard.view import Columns, MapBounds
+from gcs.dashboard.wording import SILENT_S
+from gcs.team import Event, TeamState
+from gcs.vehicle import VehicleState
+
+__all__ = ["ROWS", "EventLog", "FlightHistory"]
+
+ROWS = 1200
+"""Samples that are kept: ten minutes."""
+
+_PERIOD_S = 0.5
+_TRAIL_POINTS = 120
+_EVENTS = 2000
+
+
+class FlightHistory:
+    """Samples a team twice a second.
+
+    Args:
+        vehicle_ids: System ids, in the scenario's order.
+        bounds: Which places belong in a trail.
+
+    Attributes:
+        serial: Samples taken so far, also those that are forgotten.
+    """
+
+    def __init__(self, vehicle_ids: Sequence[int], bounds: MapBounds) -> None:
+        self.serial = 0
+        self._ids = tuple(vehicle_ids)
+        self._bounds = bounds
+        self._rows: deque[dict[str, float]] = deque(maxlen=ROWS)
+        self._trails: dict[int, deque[tuple[float, float]]] = {i: deque(maxlen=_TRAIL_POINTS) for i in self._ids}
+        self._next_s = -math.inf
+
+    def add(self, team: TeamState) -> bool:
+        """Take a sample if one is due; whether it was."""
+        if team.time_s < self._next_s:
+            return False
+        self._next_s = team.time_s + _PERIOD_S - 0.05
+        self.serial += 1
+        row = {
+            "time": team.time_s,
+            "entropy": _known(team.figures.entropy_now_nats),
+            "rmse": _known(team.figures.rmse_now_m),
+            "found": float(team.discovered),
+            "silent": SILENT_S,
+            "budget": max((_milliseconds(v.planning_budget_s) for v in team.vehicles), default=math.nan),
+        }
+        for vehicle in team.vehicles:
+            row |= _vehicle_row(vehicle)
+            if self._bounds.plausible(vehicle.north_m, vehicle.east_m):
+                self._trails[vehicle.id].append((_rounded(vehicle.east_m), _rounded(vehicle.north_m)))
+        self._rows.append(row)
+        return True
+
+    def columns(self, since: int = 0) -> Columns:
+        """The samples after a serial number, as far as they are kept."""
+        count = min(len(self._rows), self.serial - since)
+        rows = list(self._rows)[len(self._rows) - count :] if count > 0 else []
+        return {name: [row[name] for row in rows] for name in self.names}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns."""
+        return (
+            *("time", "entropy", "rmse", "found", "silent", "budget"),
+            *(f"{name}_{i}" for i in self._ids for name in ("planning", "cost", "bound", "age")),
+        )
+
+    def trails(self) -> Columns:
+        """East m and north m of each vehicle's last minute."""
+        points = [tuple(zip(*trail, strict=True)) or ((), ()) for trail in self._trails.values()]
+        return {"xs": [list(xs) for xs, _ in points], "ys": [list(ys) for _, ys in points]}
+
+
+class EventLog:
+    """The latest events.
+
+    Attributes:
+        serial: Events taken so far.
+    """
+
+    def __init__(self) -> None:
+        self.serial = 0
+        self._events: deque[Event] = deque(maxlen=_EVENTS)
+
+    def add(self, event: Event) -> None:
+        """Take an event."""
+        self.serial += 1
+        self._events.append(event)
+
+    def find(self, words: str = "", severity: int = 7, limit: int = 200) -> list[Event]:
+        """Events, newest first.
+
+        Args:
+            words: All of these words are in source or text; case does not matter.
+            severity: MAV_SEVERITY of the least severe events wanted.
+            limit: At most so many.
+        """
+        wanted = words.casefold().split()
+        found: list[Event] = []
+        for event in reversed(self._events):
+            if len(found) == limit:
+                break
+            text = f"{event.source} {event.text}".casefold()
+            if event.severity <= severity and all(word in text for word in wanted):
+                found.append(event)
+        return found
+
+
+def _vehicle_row(vehicle: VehicleState) -> dict[str, float]:
+    plan = vehicle.plan if vehicle.plan_age_s is not None else None
+    return {
+        f"planning_{vehicle.id}": _milliseconds(vehicle.planning_time_s) if plan is not None else math.nan,
+        f"cost_{vehicle.id}": _known(plan.cost) if plan is not None else math.nan,
+        f"bound_{vehicle.id}": _known(plan.lower_bound) if plan is not None else math.nan,
+        f"age_{vehicle.id}": _known(vehicle.onboard_age_s),
+    }
+
+
+def _known(value: float | None) -> float:
+    """NaN, a gap in the line, for what is unknown or infinite."""
+    return value if value is not None and math.isfinite(value) else math.nan
+
+
+def _milliseconds(value_s: float | None) -> float:
+    return 1e3 * _known(value_s)
+
+
+def _rounded(value_m: float | None) -> float:
+    return round(_known(value_m), 3)

@@ -1,0 +1,180 @@
+"""The parts of the page that are text: headline, vehicle table, events, outcomes of commands.
+
+Everything that came over a radio is escaped. The style sheets use the page's CSS variables, which reach into bokeh's
+shadow roots and follow the theme.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from gcs.commands import AUTOPILOT
+from gcs.dashboard.board import Moment
+from gcs.dashboard.palette import vehicle_colour
+from gcs.dashboard.view import MapBounds
+from gcs.dashboard.wording import SILENT_S, flight_state_text, number, onboard_is_silent, vehicle_is_silent
+from gcs.operator_desk import CommandRecord, Outcome
+from gcs.team import Event, TeamState
+from gcs.vehicle import VehicleState
+
+__all__ = ["SEVERITIES", "command_lines", "event_lines", "headline", "refusal_reason", "vehicle_table"]
+
+SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+"""By MAV_SEVERITY."""
+
+_LOW_BATTERY = 0.2
+_WARNING = 4
+_REASON_WINDOW_S = 1.5
+"""A vehicle says in a text why it refused; it arrives this long after the refusal at most."""
+
+_HEADERS = (
+    ("", "system id"),
+    ("state", "flight state of the onboard process"),
+    ("mode", "mode of the autopilot"),
+    ("armed", "motors"),
+    ("bat&nbsp;%", "battery charge left"),
+    ("height&nbsp;m", "above the ground"),
+    ("m/s", "speed over ground"),
+    ("plan&nbsp;s", "age of the plan: since its epoch began"),
+    ("ε, δ&nbsp;m, W", "the plan's bound: ε, δ in m, and nodes kept open per level W"),
+    ("nodes", "successors generated for the plan"),
+    ("late", "plans that missed their deadline"),
+    ("hears", "neighbours on the radio"),
+    ("beat&nbsp;s", "age of the heartbeats: onboard process / autopilot"),
+    ("last text", "last status text"),
+)
+
+
+def headline(moment: Moment | None, name: str) -> str:
+    """The flight in one line: what it does, and the figures that matter."""
+    if moment is None:
+        return f"<b>{escape(name)}</b> <span class='dim'>waiting for the ground station</span>"
+    team, figures = moment.team, moment.team.figures
+    total = "?" if team.target_count is None else str(team.target_count)
+    left = moment.time_left_s
+    facts = [
+        ("targets found", f"{team.discovered} of {total}"),
+        ("RMSE", number(figures.rmse_now_m, 2, " m")),
+        ("entropy", number(figures.entropy_now_nats, 2, " nats")),
+        ("explored", "–" if team.explored is None else f"{100 * team.explored.share:.0f} %"),
+        ("flying", f"{sum(bool(v.armed) for v in team.vehicles)} of {len(team.vehicles)}"),
+        ("time", _clock(team.time_s)),
+    ]
+    if left is not None and math.isfinite(left):
+        facts.append(("left", f"{left:.0f} s"))
+    silent = [str(vehicle.id) for vehicle in team.vehicles if vehicle_is_silent(vehicle)]
+    alarm = f"<span class='alarm'>vehicle {', '.join(silent)} silent</span>" if silent else ""
+    items = "".join(f"<span class='fact'><i>{label}</i> {value}</span>" for label, value in facts)
+    return (
+        f"<div class='line'><b>{escape(name)}</b><span class='phase'>{escape(moment.phase)}</span>{alarm}{items}</div>"
+    )
+
+
+def vehicle_table(team: TeamState | None, bounds: MapBounds) -> str:
+    """One row for each vehicle; a silent one is red."""
+    head = "".join(f"<th title='{escape(hint)}'>{label}</th>" for label, hint in _HEADERS)
+    rows = "" if team is None else "".join(_row(i, vehicle, bounds) for i, vehicle in enumerate(team.vehicles))
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+
+
+def event_lines(events: Iterable[Event], vehicle_ids: Sequence[int]) -> str:
+    """Events as they are given, one line each, vehicles by their number in their colour."""
+    colours = {f"vehicle {i}": (i, vehicle_colour(place)) for place, i in enumerate(vehicle_ids)}
+    return "".join(_event_line(event, colours) for event in events) or "<p class='dim'>no such events</p>"
+
+
+def command_lines(records: Sequence[CommandRecord], events: Sequence[Event], limit: int = 12) -> str:
+    """What became of the latest commands, newest first.
+
+    Args:
+        records: Oldest first.
+        events: Newest first, for reasons that vehicles give.
+        limit: At most so many lines.
+    """
+    lines = []
+    for record in list(reversed(records))[:limit]:
+        to = "autopilot" if record.component == AUTOPILOT else "onboard process"
+        words = record.outcome.value
+        if record.outcome is Outcome.SENT:
+            words = "sent, waiting…"
+        elif record.outcome is Outcome.REFUSED:
+            words = f"refused: {refusal_reason(record, events) or record.result}"
+        elif record.outcome is Outcome.TIMED_OUT:
+            words = f"timed out: {record.result}"
+        lines.append(
+            f"<p class='{record.outcome.name.lower()}'><time>{_clock(record.time_s)}</time> "
+            f"{record.action.value} vehicle {record.vehicle} <span class='dim'>({to})</span> "
+            f"<b>{escape(words)}</b></p>"
+        )
+    return "".join(lines)
+
+
+def refusal_reason(record: CommandRecord, events: Iterable[Event]) -> str | None:
+    """The text in which a vehicle says why it refused; None if it did not."""
+    if record.ended_s is None:
+        return None
+    for event in events:
+        about = event.source == f"vehicle {record.vehicle}" and event.severity <= _WARNING
+        # The acknowledgement itself is noted as an event, too; the vehicle's own words come a moment later.
+        own_words = "process refused" not in event.text and "autopilot refused" not in event.text
+        if about and own_words and -0.2 <= event.time_s - record.ended_s <= _REASON_WINDOW_S:
+            return event.text
+    return None
+
+
+def _row(index: int, vehicle: VehicleState, bounds: MapBounds) -> str:
+    silent = vehicle_is_silent(vehicle)
+    plan = vehicle.plan
+    known_place = vehicle.north_m is not None and vehicle.east_m is not None
+    lost = known_place and not bounds.plausible(vehicle.north_m, vehicle.east_m)
+    bound = "–"
+    if plan is not None:
+        width = "∞" if plan.width is None else str(plan.width)
+        bound = f"{number(plan.epsilon, 2)}, {number(plan.delta, 2)}, {width}"
+    text = vehicle.status_text or ""
+    if lost:
+        text = f"position {number(vehicle.north_m, 1)} m N, {number(vehicle.east_m, 1)} m E is absurd"
+    cells = (
+        (f"<b class='id' style='background:{vehicle_colour(index)}'>{vehicle.id}</b>", ""),
+        (escape(flight_state_text(vehicle)), "bad" if onboard_is_silent(vehicle) else ""),
+        (escape(vehicle.mode or "–"), ""),
+        ({True: "armed", False: "no", None: "–"}[vehicle.armed], ""),
+        (
+            number(None if vehicle.battery is None else 100 * vehicle.battery, 0),
+            "bad" if vehicle.battery is not None and vehicle.battery < _LOW_BATTERY else "",
+        ),
+        (number(vehicle.height_m, 2), ""),
+        (number(vehicle.speed_m_s, 2), ""),
+        (number(vehicle.plan_age_s, 1), ""),
+        (bound, ""),
+        ("–" if plan is None else f"{plan.nodes:,}".replace(",", " "), ""),
+        (str(vehicle.deadline_misses), "warn" if vehicle.deadline_misses else ""),
+        (" ".join(map(str, vehicle.neighbours)) or "–", ""),
+        (f"{_beat(vehicle.onboard_age_s)} / {_beat(vehicle.autopilot_age_s)}", "bad" if silent else ""),
+        (f"<span title='{escape(text)}'>{escape(text)}</span>", "text bad" if lost else "text"),
+    )
+    body = "".join(f"<td class='{style}'>{value}</td>" if style else f"<td>{value}</td>" for value, style in cells)
+    return f"<tr data-vehicle='{vehicle.id}'{' class=silent' if silent else ''}>{body}</tr>"
+
+
+def _beat(age_s: float | None) -> str:
+    if age_s is None:
+        return "–"
+    return f"<em>{number(age_s, 1)}</em>" if age_s >= SILENT_S else number(age_s, 1)
+
+
+def _event_line(event: Event, colours: dict[str, tuple[int, str]]) -> str:
+    severity = SEVERITIES[event.severity] if 0 <= event.severity < len(SEVERITIES) else "info"
+    source = escape(event.source)
+    if event.source in colours:
+        vehicle_id, colour = colours[event.source]
+        source = f"<b class='id' style='background:{colour}'>{vehicle_id}</b>"
+    mark = f"<b>{severity}</b> " if event.severity <= _WARNING else ""
+    return f"<p class='{severity}'><time>{_clock(event.time_s)}</time> {source} {mark}{escape(event.text)}</p>"
+
+
+def _clock(time_s: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(time_s))
