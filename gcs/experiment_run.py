@@ -26,9 +26,9 @@ from sim_bridge.errors import BridgeError
 from sim_bridge.experiments import figures, report, statistics
 from sim_bridge.experiments import snapshot as pictures
 from sim_bridge.experiments.loader import Experiment, load_experiment
+from sim_bridge.experiments.records import TrialKey, TrialTask, trial_seed
 from sim_bridge.experiments.run import connect, run_trials
 from sim_bridge.experiments.store import ResultFolder
-from sim_bridge.experiments.trial import TrialKey, TrialTask, trial_seed
 
 __all__ = ["ExperimentOptions", "run_experiment"]
 

@@ -89,7 +89,7 @@ def draw_costs(axis: str | None, summary: Mapping[str, Any]) -> Figure:
     panels: tuple[tuple[str, Callable[[Any], float | None]], ...] = (
         ("ms per plan", lambda arm: arm["planning_ms"]["mean"]),
         ("messages per robot and step", lambda arm: arm["messages_per_robot_step"]["mean"]),
-        ("kB per robot and step", lambda arm: arm["bytes_per_robot_step"]["mean"] / 1e3),
+        ("kB per robot and step", lambda arm: _thousandth(arm["bytes_per_robot_step"]["mean"])),
         ("ms per step of the whole team", lambda arm: arm["wall_ms_per_step"]["mean"]),
         ("peak memory, MB", lambda arm: arm["peak_memory_mb"]),
     )
@@ -106,6 +106,10 @@ def draw_costs(axis: str | None, summary: Mapping[str, Any]) -> Figure:
             else:
                 axes.set_xticks(places, [arm["label"] for arm in arms], rotation=45, ha="right", fontsize=7)
         return figure
+
+
+def _thousandth(value: float | None) -> float | None:
+    return None if value is None else value / 1e3
 
 
 def _row(figure: Figure, count: int) -> list[Axes]:

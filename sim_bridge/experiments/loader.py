@@ -22,7 +22,7 @@ __all__ = ["Arm", "Experiment", "load_experiment"]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
-_SCENARIO_SECTIONS = frozenset(Setting.model_fields) - {"team", "world"}
+_SCENARIO_SECTIONS = frozenset(Setting.model_fields) - {"team", "world", "harness"}
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from distributed import Client, LocalCluster, as_completed, get_worker
 
 from onboard.planning.warmup import warm_kernels
 from sim_bridge.errors import BridgeError
-from sim_bridge.experiments.trial import TrialKey, TrialResult, TrialTask, run_trial
+from sim_bridge.experiments.records import TrialKey, TrialResult, TrialTask
+from sim_bridge.experiments.trial import run_trial
 
 __all__ = ["Outcome", "connect", "run_trials"]
 

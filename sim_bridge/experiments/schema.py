@@ -87,12 +87,22 @@ class Setting(Section):
     team: TeamConfig | None = Field(default=None, description="instead of vehicles")
     vehicles: tuple[VehicleConfig, ...] | None = None
     simulation: SimulationConfig | None = None
+    harness: Literal["lockstep", "flight_stack"] = Field(
+        default="lockstep",
+        description="flight_stack: companions, MAVLink and simulated autopilots in virtual time; it takes the "
+        "number of targets and the budget from world, the rest from simulation",
+    )
     world: WorldConfig
 
     @model_validator(mode="after")
     def _is_a_scenario(self) -> Self:
         if self.team is None and self.vehicles is None:
             raise ValueError("team: is missing (a number of robots), and no vehicles are given instead")
+        if self.harness == "flight_stack":
+            if self.simulation is None:
+                raise ValueError("harness: flight_stack needs the section simulation")
+            if self.world.budget.nodes is None or self.planner.use != "arvi":
+                raise ValueError("harness: flight_stack runs in virtual time, with planner arvi and world.budget.nodes")
         self.scenario("experiment")
         return self
 

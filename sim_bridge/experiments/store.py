@@ -28,7 +28,7 @@ import pyarrow.parquet as pq
 
 from sim_bridge.errors import BridgeError
 from sim_bridge.experiments.loader import Experiment
-from sim_bridge.experiments.trial import STEP_COLUMNS, TrialKey, TrialResult, trial_seed
+from sim_bridge.experiments.records import STEP_COLUMNS, TrialKey, TrialResult, trial_seed
 
 __all__ = ["ResultFolder", "StoreError"]
 

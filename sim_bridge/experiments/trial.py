@@ -4,95 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from onboard.planning.pluggable import STATELESS, PathPlanner, PlannerSetup, load_planner
+from sim_bridge.experiments.flight_trial import run_flight_trial
+from sim_bridge.experiments.records import StepColumns, TrialResult, TrialTask, peak_memory_bytes
 from sim_bridge.experiments.schema import Setting
-from sim_bridge.lockstep.world import LockstepWorld, StepReport
+from sim_bridge.lockstep.world import LockstepWorld
 from sim_bridge.seeding import Stream
 
-__all__ = ["STEP_COLUMNS", "TrialKey", "TrialResult", "TrialTask", "build_world", "run_trial", "trial_seed"]
-
-STEP_COLUMNS: dict[str, type] = {
-    "step": int,
-    "time_s": float,
-    "entropy_nats": float,
-    "known_by_robot": float,
-    "rmse_m": float,
-    "rmse_per_target_m": float,
-    "tracked_by_robot": float,
-    "known_by_team": int,
-    "explored_share": float,
-    "groups": int,
-    "looks": int,
-    "plans": int,
-    "infeasible_plans": int,
-    "nodes": int,
-    "messages_sent": int,
-    "bytes_sent": int,
-    "messages_delivered": int,
-    "messages_lost": int,
-}
-"""Columns of the record of a step; counts are of that step alone."""
-
-TrialKey = tuple[int, int]
-"""Arm and trial, both from 0."""
-
-
-@dataclass(frozen=True)
-class TrialTask:
-    """What a worker needs for one trial.
-
-    Attributes:
-        arm: Which arm, from 0.
-        trial: Which trial, from 0.
-        seed: Of the trial.
-        steps: How many.
-        setting: Of the arm.
-    """
-
-    arm: int
-    trial: int
-    seed: int
-    steps: int
-    setting: Setting
-
-    @property
-    def key(self) -> TrialKey:
-        """Arm and trial."""
-        return self.arm, self.trial
-
-
-@dataclass(frozen=True)
-class TrialResult:
-    """What came out of one trial.
-
-    Attributes:
-        key: Arm and trial.
-        columns: A list for each of :data:`STEP_COLUMNS`, one entry a step. With a node budget it depends on nothing but
-            the task.
-        planning_s: Time that each plan took, s, in the order they were made. This and the next two depend on the
-            machine.
-        wall_s: Of the whole trial, s.
-        peak_memory_bytes: Of the worker's process so far; 0 where that cannot be known.
-    """
-
-    key: TrialKey
-    columns: dict[str, list[int] | list[float]]
-    planning_s: list[float]
-    wall_s: float
-    peak_memory_bytes: int
-
-
-def trial_seed(seed: int, trial: int) -> int:
-    """The seed of a trial: the same in every arm, so that arms are compared pair by pair."""
-    return int(np.random.SeedSequence(seed, spawn_key=(trial,)).generate_state(1, np.uint32)[0])
+__all__ = ["build_world", "run_trial"]
 
 
 def build_world(setting: Setting, seed: int) -> LockstepWorld:
-    """The world of a trial.
+    """The lock-step world of a trial.
 
     Raises:
         PlannerError: The setting's planner cannot be made.
@@ -119,7 +45,7 @@ def build_world(setting: Setting, seed: int) -> LockstepWorld:
 
 
 def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) -> TrialResult:
-    """Run a trial from start to end.
+    """Run a trial from start to end, in the harness of its setting.
 
     Args:
         task: Which.
@@ -129,52 +55,33 @@ def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) 
         OnboardError: The planner cannot be made.
         BridgeError: The world cannot be made.
     """
+    if task.setting.harness == "flight_stack":
+        return run_flight_trial(task, on_step)
     begun_s = time.perf_counter()
     world = build_world(task.setting, task.seed)
-    columns: dict[str, list[int] | list[float]] = {name: [] for name in STEP_COLUMNS}
+    columns = StepColumns()
     planning_s: list[float] = []
     before = world.network.traffic
     for step in range(task.steps):
         time_s = world.time_s
         report = world.step()
-        traffic = world.network.traffic
-        _append(columns, report, time_s, [now - then for now, then in zip(traffic, before, strict=True)])
-        before = traffic
+        now = world.network.traffic
+        columns.append(
+            step=report.step,
+            time_s=time_s,
+            merit=report.merit,
+            explored_share=report.explored_share,
+            groups=report.groups,
+            looks=report.looks,
+            plans=report.plans,
+            infeasible_plans=report.infeasible,
+            nodes=report.nodes,
+            messages_sent=now.sent - before.sent,
+            bytes_sent=now.sent_bytes - before.sent_bytes,
+            messages_delivered=now.delivered - before.delivered,
+            messages_lost=now.lost - before.lost,
+        )
+        before = now
         planning_s.extend(report.planning_s)
         on_step(step + 1)
-    return TrialResult(task.key, columns, planning_s, time.perf_counter() - begun_s, _peak_memory_bytes())
-
-
-def _append(columns: dict[str, list[int] | list[float]], report: StepReport, time_s: float, traffic: list[int]) -> None:
-    merit = report.merit
-    sent, sent_bytes, delivered, lost = traffic
-    values: dict[str, int | float] = {
-        "step": report.step,
-        "time_s": time_s,
-        "entropy_nats": merit.entropy_nats,
-        "known_by_robot": merit.known_by_robot,
-        "rmse_m": merit.rmse_m,
-        "rmse_per_target_m": merit.rmse_per_target_m,
-        "tracked_by_robot": merit.tracked_by_robot,
-        "known_by_team": merit.known_by_team,
-        "explored_share": report.explored_share,
-        "groups": report.groups,
-        "looks": report.looks,
-        "plans": report.plans,
-        "infeasible_plans": report.infeasible,
-        "nodes": report.nodes,
-        "messages_sent": sent,
-        "bytes_sent": sent_bytes,
-        "messages_delivered": delivered,
-        "messages_lost": lost,
-    }
-    for name, value in values.items():
-        columns[name].append(value)  # type: ignore[arg-type]
-
-
-def _peak_memory_bytes() -> int:
-    try:
-        import resource  # noqa: PLC0415 - not on every system
-    except ImportError:
-        return 0
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return TrialResult(task.key, columns.values, planning_s, time.perf_counter() - begun_s, peak_memory_bytes())

@@ -52,7 +52,12 @@ def test_a_tiny_experiment_from_end_to_end(lab: Path, tmp_path: Path) -> None:
         assert (out / "figures" / f"{name}.png").is_file()
         assert (out / "figures" / f"{name}.svg").is_file()
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    assert [arm["label"] for arm in summary["arms"]] == ["ideal motion", "second-order motion", "no communication"]
+    assert [arm["label"] for arm in summary["arms"]] == [
+        "ideal motion",
+        "second-order motion",
+        "flight stack in virtual time",
+        "no communication",
+    ]
     before = (out / "steps.parquet").read_bytes()
 
     again = CliRunner().invoke(app, ["experiment", str(lab), *SMALL, "--out", str(out)])
@@ -61,7 +66,7 @@ def test_a_tiny_experiment_from_end_to_end(lab: Path, tmp_path: Path) -> None:
     (out / "trials" / "001-0000.parquet").unlink()
     resumed = CliRunner().invoke(app, ["experiment", str(lab), *SMALL, "--out", str(out), "--resume"])
     assert resumed.exit_code == 0
-    assert "2 of 3 trials are complete already" in resumed.output
+    assert "3 of 4 trials are complete already" in resumed.output
     assert (out / "steps.parquet").read_bytes() == before
 
 
@@ -79,7 +84,11 @@ def test_a_crash_is_reported_and_costs_one_arm(lab: Path, tmp_path: Path, monkey
     failures = json.loads((tmp_path / "run" / "failures.json").read_text(encoding="utf-8"))
     assert "broken_planner.py" in failures[0]["error"]
     summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
-    assert [arm["label"] for arm in summary["arms"]] == ["ideal motion", "no communication"]
+    assert [arm["label"] for arm in summary["arms"]] == [
+        "ideal motion",
+        "flight stack in virtual time",
+        "no communication",
+    ]
 
 
 @pytest.mark.parametrize(

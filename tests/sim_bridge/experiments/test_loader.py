@@ -67,6 +67,7 @@ def test_a_scenario_is_what_the_setting_starts_from() -> None:
         ("label: all", "label: none", 20, r"arms\[1\].label: 'none' is also another arm's"),
         ("arm: all", "arm: every", 22, r"comparisons\[0\].arm: no arm has this label; there are none, all"),
         ("  team: {robots: 3}\n", "", 7, r"team: is missing"),
+        ("value: 30.0", "changes: {harness: flight_stack}", 20, r"harness: flight_stack needs the section simulation"),
         ("value: 30.0", "changes: {planner: arvy}", 20, r"planner.use: planner 'arvy': give package.module:Class"),
     ],
 )  # fmt: skip

@@ -9,8 +9,9 @@ from PIL import Image
 
 from sim_bridge.experiments import figures, report, snapshot, statistics
 from sim_bridge.experiments.loader import load_experiment
+from sim_bridge.experiments.records import TrialTask
 from sim_bridge.experiments.store import ResultFolder
-from sim_bridge.experiments.trial import TrialTask, build_world, run_trial
+from sim_bridge.experiments.trial import build_world, run_trial
 
 
 def task_of(tiny: Path, arm: int = 1, trial: int = 0) -> TrialTask:

@@ -9,9 +9,10 @@ import pytest
 from distributed import Client
 
 from sim_bridge.experiments.loader import Experiment, load_experiment
+from sim_bridge.experiments.records import STEP_COLUMNS, TrialTask, trial_seed
 from sim_bridge.experiments.run import run_trials
 from sim_bridge.experiments.store import ResultFolder, StoreError
-from sim_bridge.experiments.trial import STEP_COLUMNS, TrialTask, run_trial, trial_seed
+from sim_bridge.experiments.trial import run_trial
 
 CRASHING = """
 from onboard.planning.baselines.arvi import Greedy
@@ -144,3 +145,18 @@ def test_the_folder_says_how_to_repeat_it(tiny: Path, tmp_path: Path) -> None:
     manifest = (store.path / "manifest.json").read_text(encoding="utf-8")
     for part in ("trial_seeds", "arvi-flight-stack", "numba", '"range_m": 0.0', '"nodes": 500', "commit"):
         assert part in manifest
+
+
+def test_the_flight_stack_flies_the_same_experiment() -> None:
+    """Companions, MAVLink and autopilots in virtual time give the same columns, and the same ones twice."""
+    lab = load_experiment(Path("configs/experiments/lab_trials.yaml"))
+    index = [arm.label for arm in lab.arms].index("flight stack in virtual time")
+    task = TrialTask(index, 0, 5, 6, lab.arms[index].setting)
+    steps: list[int] = []
+    first, second = run_trial(task, steps.append), run_trial(task)
+    assert steps == [1, 2, 3, 4, 5, 6]
+    assert list(first.columns) == list(STEP_COLUMNS)
+    assert first.columns["messages_sent"] == [None] * 6, "not counted there"
+    assert sum(value or 0 for value in first.columns["plans"]) >= 9, "three robots, an epoch every two steps"
+    assert (first.columns["known_by_team"][-1] or 0) > 0
+    assert repr(first.columns) == repr(second.columns)
