@@ -29,7 +29,8 @@ def markdown(summary: Mapping[str, Any]) -> str:
     if summary["comparisons"]:
         lines += ["", "| claim | metric | difference | holds |", "|---|---|---|---|"]
     for entry in summary["comparisons"]:
-        holds = {True: "yes", False: "no", None: "too few trials"}[entry["holds"]]
+        answers = ("differs", "no difference shown") if entry["expect"] == "either" else ("yes", "no")
+        holds = "too few trials" if entry["holds"] is None else answers[0 if entry["holds"] else 1]
         since = f" from step {entry['from_step']}" if entry["from_step"] else ""
         lines.append(
             f"| {entry['claim']} | {entry['metric']}{since}: {entry['arm']} − {entry['against']} "

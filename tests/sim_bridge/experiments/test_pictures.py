@@ -99,3 +99,19 @@ def test_snapshot_and_film_are_files(tiny: Path, tmp_path: Path) -> None:
     film = snapshot.animate(task_of(tiny), tmp_path / "film", every=4)
     with Image.open(film) as image:
         assert getattr(image, "n_frames", 1) == 2
+
+
+def test_the_report_says_whether_a_claim_holds() -> None:
+    def row(expect: str, holds: bool | None) -> str:
+        value = {"mean": 1.0, "low": 0.5, "high": 1.5}
+        entry = {"claim": "c", "metric": "m", "arm": "a", "against": "b", "from_step": 100, "expect": expect}
+        entry |= {"difference": value, "holds": holds}
+        return report.markdown({"experiment": "e", "question": "q", "arms": [], "comparisons": [entry]}).splitlines()[
+            -1
+        ]
+
+    assert row("less", True) == "| c | m from step 100: a − b | 1.000 ± 0.500 | yes |"
+    assert row("less", False).endswith("| no |")
+    assert row("either", True).endswith("| differs |")
+    assert row("either", False).endswith("| no difference shown |")
+    assert row("more", None).endswith("| too few trials |")
