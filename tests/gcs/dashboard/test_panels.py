@@ -1,0 +1,108 @@
+"""The page's texts: what is shown, that it is escaped, that silence is red, that outcomes of commands are told."""
+
+import re
+
+import pytest
+
+from gcs.dashboard import panels
+from gcs.dashboard.board import Moment
+from gcs.dashboard.view import MapBounds
+from gcs.operator_desk import Action, CommandRecord, Outcome
+from gcs.team import Event
+from onboard.protocol import dialect as mavlink
+
+T0 = 1.5e9
+
+
+def cells(html, vehicle):
+    row = re.search(rf"<tr data-vehicle='{vehicle}'.*?</tr>", html).group()
+    return [re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row)]
+
+
+@pytest.fixture
+def bounds(scenario):
+    return MapBounds(scenario)
+
+
+def test_a_vehicles_row(fake_team, bounds):
+    html = panels.vehicle_table(fake_team.monitor.state(T0 + 0.2), bounds)
+    assert cells(html, 2) == [
+        *("2", "TRACK", "OFFBOARD", "armed", "–", "1.50", "1.00", "0.4", "0.10, 0.20, 64", "4 321", "0", "1 3"),
+        *("0.2 / 0.2", ""),
+    ]
+    assert "silent" not in html
+
+
+@pytest.mark.parametrize(("age_s", "red"), [(3.9, False), (4.0, True)])
+def test_a_heartbeat_of_four_seconds_is_red(fake_team, bounds, age_s, red):
+    html = panels.vehicle_table(fake_team.monitor.state(T0 + age_s), bounds)
+    assert html.count("class=silent") == (3 if red else 0)
+    assert cells(html, 1)[1] == ("SILENT" if red else "TRACK")
+
+
+def test_a_process_known_to_be_gone_is_red_at_once(fake_team, bounds):
+    fake_team.monitor.onboard_ended(3)
+    html = panels.vehicle_table(fake_team.monitor.state(T0 + 0.1), bounds)
+    assert re.findall(r"<tr data-vehicle='(\d)' class=silent>", html) == ["3"]
+
+
+def test_nothing_heard_is_dashes_not_zeros(scenario, make_team, bounds):
+    row = cells(panels.vehicle_table(make_team(scenario).monitor.state(T0), bounds), 1)
+    assert row[1:10] == ["not heard", *["–"] * 8]
+
+
+def test_what_a_vehicle_says_is_escaped(fake_team, bounds):
+    text = mavlink.MAVLink_statustext_message(4, b"<script>alert(1)</script>'")
+    fake_team.say(1, 1, text, T0)
+    state = fake_team.monitor.state(T0)
+    events = fake_team.monitor.take_events()
+    for html in (panels.vehicle_table(state, bounds), panels.event_lines(events, [1, 2, 3])):
+        assert "<script" not in html
+        assert "&lt;script&gt;" in html
+
+
+def test_an_absurd_place_is_said_in_the_table(fake_team, bounds):
+    fake_team.places[2] = (1e9, 0.0)
+    fake_team.speak(T0 + 1.0)
+    assert cells(panels.vehicle_table(fake_team.monitor.state(T0 + 1.0), bounds), 2)[-1] == (
+        "position 1e+09 m N, 0.0 m E is absurd"
+    )
+
+
+def test_the_headline_counts_and_warns(fake_team):
+    state = fake_team.monitor.state(T0 + 5.0)
+    text = re.sub(r"<[^>]+>", "", panels.headline(Moment(state, "flying", 12.4, ()), "ARVI"))
+    assert "targets found 2 of 5" in text
+    assert "left 12 s" in text
+    assert "vehicle 1, 2, 3 silent" in text
+    assert "waiting" in panels.headline(None, "<b>")
+
+
+def record(outcome, result="", ended_s=None):
+    return CommandRecord(T0, ended_s, Action.PAUSE, 2, 191, mavlink.MAV_CMD_DO_PAUSE_CONTINUE, outcome, result)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "result", "words"),
+    [
+        (Outcome.SENT, "", "sent, waiting…"),
+        (Outcome.ACKNOWLEDGED, "accepted", "acknowledged"),
+        (Outcome.REFUSED, "temporarily rejected", "refused: temporarily rejected"),
+        (Outcome.TIMED_OUT, "no answer", "timed out: no answer"),
+    ],
+)
+def test_every_outcome_is_told(outcome, result, words):
+    html = panels.command_lines([record(outcome, result, T0 + 1.0)], [])
+    assert "Pause vehicle 2" in html
+    assert f"<b>{words}</b>" in html
+
+
+def test_a_refusal_is_explained_by_what_the_vehicle_says_then():
+    refused = record(Outcome.REFUSED, "temporarily rejected", T0 + 1.0)
+    events = [
+        Event(T0 + 1.1, 4, "vehicle 2", "pause refused: state is RETURN"),
+        Event(T0 + 1.0, 4, "vehicle 2", "onboard process refused DO_PAUSE_CONTINUE: temporarily rejected"),
+        Event(T0 + 1.1, 4, "vehicle 1", "something else"),
+    ]
+    assert panels.refusal_reason(refused, reversed(events)) == "pause refused: state is RETURN"
+    assert panels.refusal_reason(refused, events[1:]) is None
