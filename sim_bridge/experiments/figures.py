@@ -33,14 +33,15 @@ _PANELS = (
     ("known_by_robot", "targets known to a robot"),
     ("rmse_per_target_m", "position RMSE per known target, m"),
 )
-_MAX_POINTS = 300
+_MAX_POINTS = 160
 
 
 def save(figure: Figure, path: Path) -> list[Path]:
     """Write a figure as PNG and SVG; the files."""
     files = [path.with_suffix(".png"), path.with_suffix(".svg")]
-    figure.savefig(files[0], dpi=160, metadata={"Software": None})
-    figure.savefig(files[1], metadata={"Date": None, "Creator": None})
+    with mpl.rc_context(STYLE):  # what makes an SVG the same every time counts when it is written
+        figure.savefig(files[0], dpi=160, metadata={"Software": None})
+        figure.savefig(files[1], metadata={"Date": None, "Creator": None})
     return files
 
 

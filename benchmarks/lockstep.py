@@ -1,0 +1,78 @@
+"""How fast the lock-step world is without planning, and how its cost grows with the team at fixed density.
+
+Run with ``python benchmarks/lockstep.py`` on one core (``taskset -c 0``). The density is that of the paper's Fig. 2
+d-f: 10 robots and 25 targets on 64 m x 64 m. Robots walk at random, which costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import resource
+import time
+from pathlib import Path
+
+import numpy as np
+
+from onboard.planning.evaluation import follow
+from onboard.planning.plan import Budget, Plan
+from onboard.planning.problem import Problem
+from sim_bridge.experiments.loader import load_experiment
+from sim_bridge.experiments.schema import Setting
+from sim_bridge.lockstep.world import LockstepWorld
+
+STEPS = 120
+WARM_UP_STEPS = 5
+
+
+class Walk:
+    """Random primitives around the spot: tight turns keep a robot inside without any search."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def plan(self, problem: Problem, budget: Budget) -> Plan:
+        """T random tight turns; the cost is not worked out."""
+        tight = [index for index, primitive in enumerate(problem.primitives) if abs(primitive.yaw_rate_rad_s) == 3.0]
+        controls = self._rng.choice(tight, problem.horizon)
+        poses = follow(problem, controls)
+        return Plan(
+            controls, poses, 0.0, -math.inf, math.inf, math.inf, None, False, True, 0, 0, elapsed_s=0.0, history=()
+        )
+
+
+def setting_of(robots: int, radio_m: float | None) -> Setting:
+    arm = load_experiment(Path("configs/experiments/scale.yaml")).arms[1].setting
+    side_m = 64.0 * math.sqrt(robots / 10.0)
+    data = json.loads(arm.model_dump_json())
+    data["mission"]["fence"] = [[0.0, 0.0], [side_m, 0.0], [side_m, side_m], [0.0, side_m]]
+    data["team"]["robots"] = robots
+    data["world"]["truth"]["count"] = round(2.5 * robots)
+    data["world"]["radio"]["range_m"] = radio_m
+    return Setting.model_validate_json(json.dumps(data))
+
+
+def measure(robots: int, radio_m: float | None, steps: int = STEPS) -> None:
+    setting = setting_of(robots, radio_m)
+    world = LockstepWorld(setting.scenario("benchmark"), setting.world, 1, Walk, time.perf_counter)
+    for _ in range(WARM_UP_STEPS):
+        world.step()
+    begun_s = time.perf_counter()
+    for _ in range(steps):
+        report = world.step()
+    step_s = (time.perf_counter() - begun_s) / steps
+    print(
+        f"{robots:4d} robots {setting.world.truth.count:4d} targets, radio {radio_m} m: {1e3 * step_s:8.2f} ms "
+        f"per step, {1e3 * step_s / robots:6.2f} per robot, {setting.mission.step_s / step_s:7.1f} x real time, a robot knows "
+        f"{report.merit.known_by_robot:5.1f}, peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    for _ in range(3):
+        measure(10, 30.0)
+    for team in (10, 20, 40, 80):
+        measure(team, 0.0, 60)
+    for team in (10, 20, 40, 100):
+        measure(team, 15.0, 60)
