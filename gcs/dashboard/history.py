@@ -17,7 +17,7 @@ ROWS = 1200
 """Samples that are kept: ten minutes."""
 
 _PERIOD_S = 0.5
-_TRAIL_POINTS = 120
+_TRAIL_POINTS = 40
 _EVENTS = 2000
 
 
@@ -76,7 +76,7 @@ class FlightHistory:
         )
 
     def trails(self) -> Columns:
-        """East m and north m of each vehicle's last minute."""
+        """East m and north m of each vehicle's last 20 s."""
         points = [tuple(zip(*trail, strict=True)) or ((), ()) for trail in self._trails.values()]
         return {"xs": [list(xs) for xs, _ in points], "ys": [list(ys) for _, ys in points]}
 

@@ -253,7 +253,7 @@ class TeamMap:
         layers: list[tuple[str, list[Any]]] = [
             ("vehicle, heading", [vehicles, headings, numbers]),
             ("sensor footprint", [see]),
-            ("trail, 60 s", [trails]),
+            ("trail, 20 s", [trails]),
             ("plan", [plans]),
             ("estimate, 95 % ellipse", [estimates, ellipses, self._names]),
             ("radio: grey both ways, red one way", [links]),

@@ -44,7 +44,7 @@ def test_memory_is_bounded(history, fake_team):
         history.add(fake_team.monitor.state(T0 + 0.5 * half))
     assert len(history.columns()["time"]) == ROWS
     assert len(history.columns(since=0)["time"]) == ROWS
-    assert len(history.trails()["xs"][0]) == 120
+    assert len(history.trails()["xs"][0]) == 40, "20 s"
 
 
 def test_unknown_figures_are_gaps_and_absurd_places_leave_no_trail(history, scenario, make_team):
