@@ -61,10 +61,11 @@ def measure(robots: int, radio_m: float | None, steps: int = STEPS) -> None:
     for _ in range(steps):
         report = world.step()
     step_s = (time.perf_counter() - begun_s) / steps
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(
         f"{robots:4d} robots {setting.world.truth.count:4d} targets, radio {radio_m} m: {1e3 * step_s:8.2f} ms "
         f"per step, {1e3 * step_s / robots:6.2f} per robot, {setting.mission.step_s / step_s:7.1f} x real time, "
-        f"a robot knows {report.merit.known_by_robot:5.1f}, peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB",
+        f"a robot knows {report.merit.known_by_robot:5.1f}, peak {memory_mb:.0f} MB",
         flush=True,
     )
 
