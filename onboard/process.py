@@ -20,6 +20,7 @@ from onboard.planning.pluggable import PlannerSetup, load_planner
 from onboard.planning.warmup import warm_kernels
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.transport import Link, open_link
+from onboard.realtime import Urgency, make_this_thread
 
 __all__ = ["fly"]
 
@@ -54,6 +55,8 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
                 LinkName.GROUND: vehicle.ground_url,
             }
         )
+        if not make_this_thread(Urgency.STREAMING):
+            _log.info("no permission for real-time priority: on a busy machine setpoints and plans may come late")
         _log.info("autopilot %s, ground %s", vehicle.autopilot_url, vehicle.ground_url)
         await process.run()
     finally:
@@ -67,7 +70,7 @@ class _Process:
             scenario.planner.use,
             PlannerSetup(scenario, vehicle_id, seed=vehicle_id, options=scenario.planner.options),
         )
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
+        self._thread = ThreadPoolExecutor(1, "planner", initializer=make_this_thread, initargs=(Urgency.PLANNING,))
         self._period_s = 1.0 / scenario.flight.setpoint_rate_hz
         self._links: dict[LinkName, Link] = {}
         self._stops = 0
