@@ -1,0 +1,203 @@
+"""The dashboard in a real browser: Chromium, driven by playwright, against a team of the test's own.
+
+Where there is no Chromium these tests are skipped; `.ci/run` installs one.
+"""
+
+import shutil
+import threading
+import time
+from dataclasses import dataclass, field
+
+import pytest
+
+from gcs.dashboard.board import DashboardFeed
+from gcs.dashboard.server import Address, find_port, serve_dashboard
+from gcs.operator_desk import Action, OperatorDesk
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.commands import CommandOutcome
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here: apt-get install chromium")
+
+PATIENCE_MS = 15_000
+
+
+@dataclass
+class Flight:
+    """A team that speaks ten times a second to a dashboard, and obeys."""
+
+    team: object
+    desk: OperatorDesk
+    feed: DashboardFeed
+    address: Address
+    orders: list = field(default_factory=list)
+    result: int | None = 0
+    over: threading.Event = field(default_factory=threading.Event)
+
+    def fly(self) -> None:
+        while not self.over.wait(0.1):
+            now_s = time.time()
+            # Beliefs and plans hold at steps of 0.5 s.
+            self.team.speak(now_s - now_s % 0.5 if now_s % 0.5 < 0.1 else now_s, targets=5)
+            state = self.team.monitor.state(now_s)
+            for order in self.desk.take():
+                self.orders.append(order)
+                for command in self.desk.commands(order, state):
+                    target = (command.target_system, command.target_component)
+                    self.desk.ended(CommandOutcome(command.command, target, self.result), now_s)
+            self.team.monitor.advance(now_s)
+            for event in self.team.monitor.take_events():
+                self.feed.event(event)
+            self.feed.show(state, "flying", None)
+
+
+@pytest.fixture
+def flight(scenario, make_team):
+    desk = OperatorDesk()
+    feed = DashboardFeed(desk)
+    address = find_port("127.0.0.1", 5300)
+    flight = Flight(make_team(scenario), desk, feed, address)
+    with serve_dashboard(scenario, feed, address):
+        thread = threading.Thread(target=flight.fly)
+        thread.start()
+        yield flight
+        flight.over.set()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(browser, flight):
+    """An open dashboard; at the end, nothing may have gone wrong in the browser or been asked of anybody else."""
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    page.set_default_timeout(PATIENCE_MS)
+    wrong: list[str] = []
+    asked: list[str] = []
+    page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("requestfailed", lambda request: wrong.append(f"failed: {request.url}"))
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("websocket", lambda socket: asked.append(socket.url))
+    page.goto(flight.address.url)
+    page.locator("tr[data-vehicle='3']").wait_for()
+    yield page
+    page.close()
+    assert wrong == []
+    own = (flight.address.url, flight.address.url.replace("http", "ws"), "data:", "blob:")
+    assert [url for url in asked if not url.startswith(own)] == []
+
+
+def source(page, column, layer):
+    """A column of the layer whose source has these columns, as the browser holds it."""
+    return page.evaluate(
+        """([column, layer]) => {
+            for (const model of Bokeh.documents[0].all_models) {
+                if (model.type === "ColumnDataSource" && layer.every((name) => name in model.data))
+                    return Array.from(model.data[column]);
+            }
+        }""",
+        [column, layer],
+    )
+
+
+def wait_until(condition, limit_s=10.0):
+    end = time.monotonic() + limit_s
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.1)
+    assert condition()
+
+
+def test_the_map_shows_all_vehicles_and_targets_and_follows_them(page, flight):
+    wait_until(lambda: source(page, "label", ["fov_from"]) == ["1", "2", "3"])
+    wait_until(lambda: source(page, "label", ["spread"]) == ["1", "2", "3", "4", "5"])
+    assert source(page, "label", ["error", "place", "label"]) == ["1", "2", "3", "4", "5"]
+    flight.team.places[2] = (2.5, 6.25)
+    wait_until(lambda: source(page, "x", ["fov_from"])[1] == 6.25, 1.5)
+
+
+def test_metres_north_and_east_are_equally_long(page):
+    per_metre = page.evaluate(
+        """() => {
+            const map = Bokeh.documents[0].roots().find((root) => root.name === "map");
+            return [map.inner_width / (map.x_range.end - map.x_range.start),
+                    map.inner_height / (map.y_range.end - map.y_range.start)];
+        }"""
+    )
+    assert per_metre[0] == pytest.approx(per_metre[1], rel=0.01)
+
+
+def test_the_table_moves_on_and_a_dead_vehicle_turns_red_within_five_seconds(page, flight):
+    row = page.locator("tr[data-vehicle='2']")
+    assert "TRACK" in row.inner_text()
+    assert page.locator("tr.silent").count() == 0
+    died = time.monotonic()
+    flight.team.dead.add(2)
+    page.locator("tr.silent[data-vehicle='2']").wait_for()
+    assert time.monotonic() - died < 5.0
+    assert "SILENT" in row.inner_text()
+    assert page.locator("tr.silent").count() == 1
+    page.get_by_text("vehicle 2 silent").wait_for()
+    flight.team.dead.clear()
+    page.locator("tr[data-vehicle='2']:not(.silent)").wait_for()
+
+
+def test_a_reload_in_flight_recovers_with_its_history(page, flight):
+    wait_until(lambda: len(source(page, "time", ["entropy", "time"])) >= 6)
+    page.reload()
+    page.locator("tr[data-vehicle='3']").wait_for()
+    wait_until(lambda: len(source(page, "time", ["entropy", "time"])) >= 6)
+    assert page.get_by_text("target 5 found by vehicle 1").count() == 1
+
+
+def test_an_order_needs_a_confirmation_and_shows_its_end(page, flight):
+    page.get_by_role("button", name="Pause", exact=True).click()
+    page.get_by_text("Pause all 3 vehicles?").wait_for()
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_role("button", name="Cancel").wait_for(state="hidden")
+    assert flight.orders == []
+    page.locator("#orders").get_by_role("combobox").select_option("2")
+    page.get_by_role("button", name="Land", exact=True).click()
+    page.get_by_role("button", name="Confirm land").click()
+    page.get_by_text("acknowledged").wait_for()
+    assert [(order.action, order.vehicles) for order in flight.orders] == [(Action.LAND, (2,))]
+
+
+def test_a_refusal_and_a_silence_are_shown(page, flight):
+    for result, words in ((mavlink.MAV_RESULT_DENIED, "refused: denied"), (None, "timed out: no answer")):
+        flight.result = result
+        page.get_by_role("button", name="Resume", exact=True).click()
+        page.get_by_role("button", name="Confirm resume").click()
+        page.get_by_text(words).first.wait_for()
+
+
+def test_absurd_telemetry_breaks_nothing(page, flight):
+    flight.team.places = {1: (1e9, -1e9), 2: (float("nan"), float("nan")), 3: (float("inf"), 0.0)}
+    page.get_by_text("is absurd").wait_for()
+    wait_until(lambda: source(page, "label", ["fov_from"]) == [])
+    flight.team.places = {}
+    wait_until(lambda: source(page, "label", ["fov_from"]) == ["1", "2", "3"])
+
+
+def test_the_theme_is_switched_and_remembered(page):
+    theme = "document.documentElement.dataset.theme"
+    assert page.evaluate(theme) == "light"
+    page.get_by_role("button", name="Dark").click()
+    page.wait_for_function(f"{theme} === 'dark'")
+    page.reload()
+    page.locator("tr[data-vehicle='1']").wait_for()
+    assert page.evaluate(theme) == "dark"
+
+
+def test_events_are_searched(page):
+    page.get_by_text("target 5 found by vehicle 1").wait_for()
+    page.get_by_placeholder("search events").fill("target 3")
+    page.get_by_text("target 5 found by vehicle 1").wait_for(state="hidden")
+    assert page.get_by_text("target 3 found by vehicle 1").count() == 1
