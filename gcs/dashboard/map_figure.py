@@ -206,7 +206,7 @@ class TeamMap:
         see = self._field_of_view()
         links = plot.segment(
             "x0", "y0", "x1", "y1", source=sources["links"], line_color="colour", line_dash="dash", line_width=1.5,
-            line_alpha=0.8,
+            line_alpha=0.55,
         )  # fmt: skip
         trails = plot.multi_line(
             "xs", "ys", source=sources["trails"], line_color="colour", line_alpha=0.45, line_width=1.5

@@ -26,6 +26,7 @@ SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "i
 """By MAV_SEVERITY."""
 
 _LOW_BATTERY = 0.2
+_NAMED_NEIGHBOURS = 5
 _WARNING = 4
 _REASON_WINDOW_S = 1.5
 """A vehicle says in a text why it refused; it arrives this long after the refusal at most."""
@@ -152,12 +153,18 @@ def _row(index: int, vehicle: VehicleState, bounds: MapBounds) -> str:
         (bound, ""),
         ("–" if plan is None else f"{plan.nodes:,}".replace(",", " "), ""),
         (str(vehicle.deadline_misses), "warn" if vehicle.deadline_misses else ""),
-        (" ".join(map(str, vehicle.neighbours)) or "–", ""),
+        (_hears(vehicle.neighbours), ""),
         (f"{_beat(vehicle.onboard_age_s)} / {_beat(vehicle.autopilot_age_s)}", "bad" if silent else ""),
         (f"<span title='{escape(text)}'>{escape(text)}</span>", "text bad" if lost else "text"),
     )
     body = "".join(f"<td class='{style}'>{value}</td>" if style else f"<td>{value}</td>" for value, style in cells)
     return f"<tr data-vehicle='{vehicle.id}'{' class=silent' if silent else ''}>{body}</tr>"
+
+
+def _hears(neighbours: Sequence[int]) -> str:
+    """Neighbours by number, or how many when they are more than a column has room for."""
+    ids = " ".join(map(str, neighbours)) or "–"
+    return ids if len(neighbours) <= _NAMED_NEIGHBOURS else f"<span title='{ids}'>{len(neighbours)} of them</span>"
 
 
 def _beat(age_s: float | None) -> str:

@@ -51,6 +51,14 @@ def test_nothing_heard_is_dashes_not_zeros(scenario, make_team, bounds):
     assert row[1:10] == ["not heard", *["–"] * 8]
 
 
+def test_many_neighbours_are_counted(scenario, make_team, bounds):
+    first = scenario.vehicles[0]
+    many = tuple(first.model_copy(update={"id": i}) for i in range(1, 21))
+    team = make_team(scenario.model_copy(update={"vehicles": many}))
+    team.speak(T0)
+    assert cells(panels.vehicle_table(team.monitor.state(T0), bounds), 20)[11] == "19 of them"
+
+
 def test_what_a_vehicle_says_is_escaped(fake_team, bounds):
     text = mavlink.MAVLink_statustext_message(4, b"<script>alert(1)</script>'")
     fake_team.say(1, 1, text, T0)
