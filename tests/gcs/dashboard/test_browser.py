@@ -163,7 +163,7 @@ def test_an_order_needs_a_confirmation_and_shows_its_end(page, flight):
     page.get_by_role("button", name="Cancel").click()
     page.get_by_role("button", name="Cancel").wait_for(state="hidden")
     assert flight.orders == []
-    page.locator("#orders").get_by_role("combobox").select_option("2")
+    page.locator("#orders").get_by_role("combobox").select_option(label="vehicle 2")
     page.get_by_role("button", name="Land", exact=True).click()
     page.get_by_role("button", name="Confirm land").click()
     page.get_by_text("acknowledged").wait_for()
