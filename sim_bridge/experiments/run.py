@@ -51,7 +51,7 @@ def connect(workers: int, scheduler: str | None = None) -> Iterator[Client]:
     Raises:
         BridgeError: The scheduler cannot be reached.
     """
-    # a trial that kills its worker is not given the chance to kill all of them
+    # a trial that kills its worker does not get another one to kill
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
         if scheduler is not None:
             try:
@@ -92,18 +92,28 @@ def run_trials(
         on_progress((int(message["arm"]), int(message["trial"])), int(message["steps"]))
 
     client.subscribe_topic(_TOPIC, report)
-    futures = {
-        client.submit(_run_on_worker, task, key=f"trial-{task.arm}-{task.trial}", pure=False): task for task in tasks
-    }
+    waiting = list(reversed(tasks))
+    futures: dict[Any, TrialTask] = {}
+    ended = as_completed()
+
+    def submit() -> None:
+        """As many as there are threads: none waits on a worker, to die with it."""
+        while waiting and len(futures) < max(1, sum(client.nthreads().values())):
+            task = waiting.pop()
+            future = client.submit(_run_on_worker, task, key=f"trial-{task.arm}-{task.trial}", pure=False)
+            futures[future] = task
+            ended.add(future)
+
     try:
-        for future in as_completed(list(futures)):
-            task = futures[future]
+        submit()
+        for future in ended:
+            task = futures.pop(future)
+            submit()
             error = future.exception()
             if error is None:
                 yield Outcome(task.key, future.result(), None)
             else:
-                text = "".join(traceback.format_exception(error))
-                yield Outcome(task.key, None, text)
+                yield Outcome(task.key, None, "".join(traceback.format_exception(error)))
             future.release()
     finally:
         client.cancel(list(futures), force=True)
