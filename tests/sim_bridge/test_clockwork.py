@@ -37,6 +37,10 @@ def test_what_the_streams_mean_is_frozen():
         "RADIO": 4,
         "VEHICLE": 5,
         "AUTOPILOT": 6,
+        "LOCKSTEP_TARGETS": 7,
+        "LOCKSTEP_RADIO": 8,
+        "LOCKSTEP_START": 9,
+        "PLANNER": 10,
     }
 
 
