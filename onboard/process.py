@@ -20,7 +20,7 @@ from onboard.planning.pluggable import PlannerSetup, load_planner
 from onboard.planning.warmup import warm_kernels
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.transport import Link, open_link
-from onboard.realtime import Urgency, make_this_thread
+from onboard.realtime import make_this_thread_urgent
 
 __all__ = ["fly"]
 
@@ -55,8 +55,8 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
                 LinkName.GROUND: vehicle.ground_url,
             }
         )
-        if not make_this_thread(Urgency.STREAMING):
-            _log.info("no permission for real-time priority: on a busy machine setpoints and plans may come late")
+        if not make_this_thread_urgent():
+            _log.info("no permission for real-time priority: on a busy machine setpoints may come late")
         _log.info("autopilot %s, ground %s", vehicle.autopilot_url, vehicle.ground_url)
         await process.run()
     finally:
@@ -70,7 +70,9 @@ class _Process:
             scenario.planner.use,
             PlannerSetup(scenario, vehicle_id, seed=vehicle_id, options=scenario.planner.options),
         )
-        self._thread = ThreadPoolExecutor(1, "planner", initializer=make_this_thread, initargs=(Urgency.PLANNING,))
+        # One that searches without the interpreter lock must not lose its processor while it holds it.
+        releases_lock = getattr(self._planner, "releases_interpreter_lock", False)
+        self._thread = ThreadPoolExecutor(1, "planner", make_this_thread_urgent if releases_lock else None)
         self._period_s = 1.0 / scenario.flight.setpoint_rate_hz
         self._links: dict[LinkName, Link] = {}
         self._stops = 0

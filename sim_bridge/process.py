@@ -17,7 +17,7 @@ from typing import Any
 from onboard.config import Scenario
 from onboard.protocol.codec import Codec
 from onboard.protocol.transport import Link, TransportError, open_link
-from onboard.realtime import Urgency, make_this_thread
+from onboard.realtime import make_this_thread_urgent
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.bridge import Bridge, Port, build_bridge
 from sim_bridge.errors import BridgeError
@@ -189,7 +189,7 @@ async def _serve(scenario: Scenario, seed: int | None) -> int:
     process = BridgeProcess(bridge, find_ports(scenario), simulation.system_id, time.time)
     await process.open()
     # Autopilots are real-time computers; a busy host should not make them look as if they had stalled.
-    make_this_thread(Urgency.STREAMING)
+    make_this_thread_urgent()
     # What lives as long as the process need not be looked through at every collection.
     gc.collect()
     gc.freeze()

@@ -18,6 +18,7 @@ from onboard.planning.problem import Problem
 from onboard.planning.schedule import arvi_schedule, single_pass
 from onboard.planning.search import run_schedule
 from onboard.planning.tree import COST, EXPANDED, GENERATED, PARENT, PRIMITIVE, ROWS, YAW, Tree, Workspace
+from onboard.realtime import ordinary_meanwhile
 
 __all__ = ["DEFAULT_NODE_LIMIT", "Planner", "Redundancy", "arvi", "fvi", "rvi"]
 
@@ -127,7 +128,8 @@ class Planner:
 
             passes, outcome = run_schedule_lmi(packed, tree, schedule, self.yaw_weight, limits)
         else:
-            passes, outcome = run_schedule(packed, tree, schedule, prune, self.yaw_weight, limits)
+            with ordinary_meanwhile():
+                passes, outcome = run_schedule(packed, tree, schedule, prune, self.yaw_weight, limits)
         return _plan_from(problem, packed, tree, schedule, passes, outcome, start_s)
 
 

@@ -1,25 +1,36 @@
-"""Real-time priorities: taken where allowed, never inherited, never an error."""
+"""Real-time priority: taken where allowed, never inherited, laid down meanwhile, never an error."""
 
 import os
 import threading
 
-from onboard.realtime import Urgency, make_this_thread
+import pytest
+
+from onboard.realtime import make_this_thread_urgent, ordinary_meanwhile
 
 
-def in_a_thread(urgency: Urgency) -> dict[str, object]:
+def policy() -> int:
+    return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+
+
+def in_a_thread() -> dict[str, object]:
     """What a thread sees of itself and of one that it starts; the test's own thread keeps its priority."""
     seen: dict[str, object] = {}
 
     def inherit() -> None:
-        seen["child"] = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+        seen["child"] = policy()
 
     def work() -> None:
-        seen["allowed"] = make_this_thread(urgency)
-        seen["policy"] = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
-        seen["priority"] = os.sched_getparam(0).sched_priority
+        seen["allowed"] = make_this_thread_urgent()
+        seen["policy"] = policy()
         child = threading.Thread(target=inherit)
         child.start()
         child.join()
+        with ordinary_meanwhile():
+            seen["meanwhile"] = policy()
+        seen["afterwards"] = policy()
+        with pytest.raises(ZeroDivisionError), ordinary_meanwhile():
+            _ = 1 // 0
+        seen["after an error"] = policy()
 
     thread = threading.Thread(target=work)
     thread.start()
@@ -28,15 +39,16 @@ def in_a_thread(urgency: Urgency) -> dict[str, object]:
 
 
 def test_a_thread_is_urgent_if_allowed_and_ordinary_if_not() -> None:
-    for urgency in Urgency:
-        seen = in_a_thread(urgency)
-        expected = (os.SCHED_RR, int(urgency)) if seen["allowed"] else (os.SCHED_OTHER, 0)
-        assert (seen["policy"], seen["priority"]) == expected
-        assert seen["child"] == os.SCHED_OTHER
+    seen = in_a_thread()
+    expected = os.SCHED_RR if seen["allowed"] else os.SCHED_OTHER
+    assert seen["policy"] == seen["afterwards"] == seen["after an error"] == expected
+    assert seen["child"] == seen["meanwhile"] == os.SCHED_OTHER
 
 
-def test_the_stream_goes_before_the_planner() -> None:
-    assert Urgency.STREAMING > Urgency.PLANNING
+def test_an_ordinary_thread_stays_one() -> None:
+    with ordinary_meanwhile():
+        assert policy() == os.SCHED_OTHER
+    assert policy() == os.SCHED_OTHER
 
 
 def test_a_system_that_refuses_is_no_error(monkeypatch) -> None:
@@ -44,4 +56,4 @@ def test_a_system_that_refuses_is_no_error(monkeypatch) -> None:
         raise PermissionError
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    assert not make_this_thread(Urgency.STREAMING)
+    assert not make_this_thread_urgent()

@@ -15,6 +15,8 @@ _GREEDY_NODE_LIMIT = 20_000
 class Arvi:
     """Anytime reduced value iteration (Algorithm 1)."""
 
+    releases_interpreter_lock = True
+
     def __init__(self, setup: PlannerSetup) -> None:
         """Reserve the memory for ``planner.node_limit`` nodes; no options."""
         config = setup.scenario.planner
@@ -27,6 +29,8 @@ class Arvi:
 
 class Greedy:
     """At each step the primitive with the least cost of the next step: ImprovePath(∞, ∞, 1) and no more."""
+
+    releases_interpreter_lock = True
 
     def __init__(self, setup: PlannerSetup) -> None:
         """No options."""
