@@ -18,6 +18,7 @@ from onboard.estimation.target_models import TargetModel, TargetMotion
 from onboard.estimation.warmup import warm_filter
 from onboard.geometry import Pose
 from onboard.mapping.line_of_sight import warm_line_of_sight
+from onboard.mapping.visibility_grid import VisibilityGrid
 from onboard.planning.jit import is_cached, source_digest
 from onboard.planning.plan import Budget
 from onboard.planning.planner import Planner
@@ -53,6 +54,11 @@ def warm_filter_and_map() -> None:
     """Compile or load what is not the planner's; :func:`warm_kernels` does so under its lock."""
     warm_filter()
     warm_line_of_sight()
+    square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
+    told, grid = (VisibilityGrid(square, 0.5) for _ in range(2))
+    grid.observe(Pose(1.0, 1.0, 0.0), RangeBearingSensor(0.1, 0.1, 1.0, math.tau), 0.0)
+    for tile in grid.tiles(changed_since_last=True):
+        told.merge(tile, 0.0)
 
 
 _WARM_BESIDE = [sys.executable, "-c", "from onboard.planning.warmup import warm_filter_and_map as warm; warm()"]
