@@ -213,6 +213,10 @@ class VehicleConfig(Section):
     home: tuple[float, float] = Field(description="[north m, east m] of the launch pad in the mission frame")
     home_yaw_deg: float = 0.0
     layer_m: Positive = Field(description="height above the ground that it flies at")
+    autopilot: Literal["px4", "ardupilot"] = Field(
+        default="px4",
+        description="whose behaviour is simulated; of a vehicle that is not simulated, what is expected on its link",
+    )
     links: LinksConfig = LinksConfig()
 
     @property

@@ -133,6 +133,7 @@ BROKEN = {
     "backward primitive": ("[[1.0, 0.0], ", "[[-1.0, 0.0], ", ":9: primitives: [-1.0, 0.0]: speeds, the first number of [m/s, rad/s], are not negative"),
     "primitive twice": ("[1.0, 1.0]", "[1.0, 0.0]", ":9: primitives: [1.0, 0.0] is listed twice"),
     "link": ("layer_m: 1.7", "layer_m: 1.7, links: {peers: 'tcp:host:1'}", ':21: vehicles[1].links.peers: "tcp:host:1" should be udpin:HOST:PORT, udpout:HOST:PORT or mcast:GROUP:PORT'),
+    "autopilot": ("layer_m: 1.7", "layer_m: 1.7, autopilot: copter", ':21: vehicles[1].autopilot: "copter" should be \'px4\' or \'ardupilot\''),
     "port": ("layer_m: 1.7", "layer_m: 1.7, links: {peers: 'udpin:host:99999'}", ':21: vehicles[1].links.peers: "udpin:host:99999" has the port 99999; ports are 1 to 65535'),
     "two listeners on one port": ("layer_m: 1.7", "layer_m: 1.7, links: {sensor: 'udpin:127.0.0.1:14740'}", ":21: vehicles[1].links.sensor: udpin:127.0.0.1:14740 is also vehicles[0].links.sensor; every link has its own"),
     "listener on the ground's port": ("layer_m: 1.7", "layer_m: 1.7, links: {sensor: 'udpin:127.0.0.1:14550'}", ":21: vehicles[1].links.sensor: udpin:127.0.0.1:14550 is also ground.url; every link has its own"),
