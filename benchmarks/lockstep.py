@@ -54,7 +54,7 @@ def setting_of(robots: int, radio_m: float | None) -> Setting:
 
 def measure(robots: int, radio_m: float | None, steps: int = STEPS) -> None:
     setting = setting_of(robots, radio_m)
-    world = LockstepWorld(setting.scenario("benchmark"), setting.world, 1, Walk, time.perf_counter)
+    world = LockstepWorld(setting.scenario("benchmark"), setting.world, 1, Walk)
     for _ in range(WARM_UP_STEPS):
         world.step()
     begun_s = time.perf_counter()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -41,9 +40,8 @@ def plan_group(
     for index, problem in enumerate(problems):
         deadline_s = None
         if budget.deadline_s is not None:
-            now_s = time.perf_counter()
-            deadline_s = now_s + (budget.deadline_s - now_s) / (len(problems) - index)
+            deadline_s = budget.clock.now_s() + budget.left_s / (len(problems) - index)
         mates = tuple(Teammate(plan.poses, separation_m) for plan in plans)
         own = replace(problem, teammates=(*problem.teammates, *mates))
-        plans.append(planner.plan(own, Budget(deadline_s=deadline_s, nodes=nodes)))
+        plans.append(planner.plan(own, Budget(deadline_s, nodes, budget.clock)))
     return tuple(plans)

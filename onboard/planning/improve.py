@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from onboard.planning.clock import now_s
+from onboard.planning.clock import Deadline, is_past, now_s
 from onboard.planning.crossing import (
     Grid,
     add_to_quota_cell,
@@ -53,13 +53,13 @@ class Limits(NamedTuple):
     """What ends a search.
 
     Attributes:
-        start_s: When the search began, on the clock of ``time.perf_counter``, s.
-        deadline_s: When it must end, on the same clock, s; ∞ for no deadline.
+        start_s: When the search began, on the deadline's clock, s.
+        deadline: When it must end.
         nodes: Successors that may be generated.
     """
 
     start_s: float
-    deadline_s: float
+    deadline: Deadline
     nodes: int
 
 
@@ -109,7 +109,7 @@ def improve_path(problem: PackedProblem, tree: Tree, parameters: Pass, limits: L
         allowance = UNLIMITED
         if paced:
             allowance = _allowance(problem, tree, limits, problem.horizon - step)
-        opened = _open_level(problem, tree, parameters, allowance, step, limits.deadline_s)
+        opened = _open_level(problem, tree, parameters, allowance, step, limits.deadline)
         tree.row_runs[number, step, 1] = tree.counters[ROWS]
         if opened == STOPPED:
             return STOPPED
@@ -125,7 +125,7 @@ def _expand_run(problem: PackedProblem, tree: Tree, number: int, step: int, limi
     for row in range(tree.row_runs[number, step - 1, 0], tree.row_runs[number, step - 1, 1]):
         if tree.counters[GENERATED] + primitives > limits.nodes or tree.counters[NODES] + primitives > len(tree.nodes):
             return False
-        if row % _CLOCK_EVERY == 0 and now_s(tree.order.timespec) > limits.deadline_s:
+        if row % _CLOCK_EVERY == 0 and is_past(limits.deadline, tree.order.timespec):
             return False
         expand(problem, tree, row, step)
     return True
@@ -141,10 +141,10 @@ def _allowance(problem: PackedProblem, tree: Tree, limits: Limits, levels: int) 
     primitives = problem.motions.shape[0]
     rows = min(limits.nodes - tree.counters[GENERATED], len(tree.nodes) - tree.counters[NODES]) // primitives
     rows = min(rows, len(tree.rows) - tree.counters[ROWS])
-    if limits.deadline_s < math.inf:
-        now = now_s(tree.order.timespec)
+    if limits.deadline.at_s < math.inf:
+        now = now_s(limits.deadline.clock, tree.order.timespec)
         seconds_per_row = (now - limits.start_s) / tree.counters[EXPANDED]
-        rows = min(rows, np.int64(_CAUTION * max(limits.deadline_s - now, 0.0) / seconds_per_row))
+        rows = min(rows, np.int64(_CAUTION * max(limits.deadline.at_s - now, 0.0) / seconds_per_row))
     return int(rows // levels)
 
 
@@ -233,7 +233,7 @@ def _level_grid(problem: PackedProblem, tree: Tree, parameters: Pass, step: int,
 
 @kernel
 def _open_level(
-    problem: PackedProblem, tree: Tree, parameters: Pass, allowance: int, step: int, deadline_s: float
+    problem: PackedProblem, tree: Tree, parameters: Pass, allowance: int, step: int, deadline: Deadline
 ) -> int:
     """Lines 8–14 of Algorithm 2 for one level: open its best node and all that are not redundant, best first."""
     limited = parameters.width < UNLIMITED
@@ -245,9 +245,9 @@ def _open_level(
     for position in range(count):
         if kept >= parameters.width:
             return BOUND
-        if position % _CLOCK_EVERY == 0 and now_s(tree.order.timespec) > deadline_s:
+        if position % _CLOCK_EVERY == 0 and is_past(deadline, tree.order.timespec):
             return STOPPED
-        node = next_in_order(tree.order, position, deadline_s)
+        node = next_in_order(tree.order, position, deadline)
         if node < 0:
             return STOPPED
         if limited and in_quota_cell(tree, grid, node) >= parameters.quota:

@@ -14,7 +14,6 @@ proven redundant is pruned, however loose the solver was.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 
 import clarabel
@@ -23,10 +22,12 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from onboard.planning.blocks import FOUR, TWO, unpack_block
+from onboard.planning.clock import Deadline
 from onboard.planning.expand import expand, open_node
 from onboard.planning.improve import BOUND, COMPLETE, STOPPED, UNLIMITED, Limits
 from onboard.planning.jit import entry_kernel
 from onboard.planning.packing import PackedProblem
+from onboard.planning.plan import SearchClock
 from onboard.planning.tree import COST, EAST, GENERATED, NODES, NORTH, ROW, ROWS, YAW, Tree
 
 __all__ = ["is_redundant_lmi", "run_schedule_lmi"]
@@ -119,11 +120,11 @@ def run_schedule_lmi(
         greedy = number == 0 and width == 1.0
         outcome = _improve_path(
             problem, tree, number, (epsilon, delta, width), yaw_weight,
-            Limits(limits.start_s, math.inf, UNLIMITED) if greedy else limits,
+            Limits(limits.start_s, Deadline(math.inf, limits.deadline.clock), UNLIMITED) if greedy else limits,
         )  # fmt: skip
         if outcome == STOPPED:
             return number, STOPPED
-        elapsed_s = time.perf_counter() - limits.start_s
+        elapsed_s = SearchClock(limits.deadline.clock).now_s() - limits.start_s
         tree.passes[number] = elapsed_s, tree.best[0], epsilon, delta, width, outcome != BOUND
         if outcome == COMPLETE and epsilon == delta == 0.0:
             return number + 1, COMPLETE
@@ -157,8 +158,12 @@ def _is_spent(problem: PackedProblem, tree: Tree, limits: Limits) -> bool:
     return (
         tree.counters[GENERATED] + primitives > limits.nodes
         or tree.counters[NODES] + primitives > len(tree.nodes)
-        or time.perf_counter() > limits.deadline_s
+        or _is_late(limits)
     )
+
+
+def _is_late(limits: Limits) -> bool:
+    return SearchClock(limits.deadline.clock).now_s() > limits.deadline.at_s
 
 
 def _open_level(
@@ -173,7 +178,7 @@ def _open_level(
         if kept >= width:
             return BOUND
         if tree.links[node, ROW] < 0:
-            if time.perf_counter() > limits.deadline_s or tree.counters[ROWS] >= len(tree.rows):
+            if _is_late(limits) or tree.counters[ROWS] >= len(tree.rows):
                 return STOPPED
             row = int(_open_row(problem, tree, node, step))
             near = [other for other in open_rows if _crosses(tree, node, other, delta, yaw_weight)]

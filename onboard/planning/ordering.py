@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.planning.clock import now_s
+from onboard.planning.clock import Deadline, is_past
 from onboard.planning.jit import inlined_kernel, kernel
 from onboard.planning.tree import Order
 
@@ -53,7 +53,7 @@ def _order_pair(keys: NDArray[np.float64], nodes: NDArray[np.int32], first: int,
 
 
 @kernel
-def _partition(order: Order, begin: int, end: int, deadline_s: float) -> int:
+def _partition(order: Order, begin: int, end: int, deadline: Deadline) -> int:
     """Split a run at the median of three; returns where the pivot came to be, −1 when out of time."""
     keys, nodes = order.keys, order.nodes
     last, middle = end - 1, begin + (end - begin) // 2
@@ -63,7 +63,7 @@ def _partition(order: Order, begin: int, end: int, deadline_s: float) -> int:
     key, node = keys[last], nodes[last]
     store = begin
     for i in range(begin, last):
-        if (i - begin) % _CHECK_EVERY == _CHECK_EVERY - 1 and now_s(order.timespec) > deadline_s:
+        if (i - begin) % _CHECK_EVERY == _CHECK_EVERY - 1 and is_past(deadline, order.timespec):
             return -1
         # Swapped always, counted only if smaller: no branch that the processor could mispredict.
         own_key, own_node = keys[i], nodes[i]
@@ -76,7 +76,7 @@ def _partition(order: Order, begin: int, end: int, deadline_s: float) -> int:
 
 
 @kernel
-def next_in_order(order: Order, position: int, deadline_s: float) -> int:
+def next_in_order(order: Order, position: int, deadline: Deadline) -> int:
     """The node that belongs at ``position``; all positions before it must have been drawn. −1 when out of time."""
     pivots = order.pivots
     depth = pivots[_DEPTH]
@@ -92,7 +92,7 @@ def next_in_order(order: Order, position: int, deadline_s: float) -> int:
                 pivots[depth] = pivot
                 depth += 1
         else:
-            pivot = _partition(order, position, end, deadline_s)
+            pivot = _partition(order, position, end, deadline)
             if pivot < 0:
                 return -1
             pivots[depth] = pivot

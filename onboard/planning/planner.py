@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from onboard.planning.certificate import lower_bounds, replay
+from onboard.planning.clock import Deadline
 from onboard.planning.evaluation import follow
 from onboard.planning.improve import COMPLETE, UNLIMITED, Limits
 from onboard.planning.packing import PackedProblem, pack_problem
-from onboard.planning.plan import Budget, Plan, Progress
+from onboard.planning.plan import Budget, Plan, Progress, SearchClock
 from onboard.planning.problem import Problem
 from onboard.planning.schedule import arvi_schedule, single_pass
 from onboard.planning.search import run_schedule
@@ -69,7 +69,8 @@ class Planner:
         Raises:
             ValueError: If the problem is malformed, or too large for the planner's memory.
         """
-        start_s = time.perf_counter()
+        budget = budget or Budget()
+        start_s = budget.clock.now_s()
         packed = pack_problem(problem)
         return self._search(problem, packed, arvi_schedule(packed), True, budget, start_s)
 
@@ -87,7 +88,8 @@ class Planner:
         """
         if not epsilon >= 0.0 or not delta >= 0.0:
             raise ValueError(f"epsilon and delta: must not be negative, are {epsilon} and {delta}")
-        start_s = time.perf_counter()
+        budget = budget or Budget()
+        start_s = budget.clock.now_s()
         return self._search(problem, pack_problem(problem), single_pass(epsilon, delta), True, budget, start_s)
 
     def fvi(self, problem: Problem, budget: Budget | None = None) -> Plan:
@@ -96,7 +98,8 @@ class Planner:
         Raises:
             ValueError: If the problem is malformed or too large.
         """
-        start_s = time.perf_counter()
+        budget = budget or Budget()
+        start_s = budget.clock.now_s()
         return self._search(problem, pack_problem(problem), single_pass(0.0, 0.0), False, budget, start_s)
 
     def open_segments(self) -> NDArray[np.float64]:
@@ -113,13 +116,14 @@ class Planner:
         packed: PackedProblem,
         schedule: NDArray[np.float64],
         prune: bool,
-        budget: Budget | None,
+        budget: Budget,
         start_s: float,
     ) -> Plan:
-        budget = budget or Budget()
         limits = Limits(
             start_s,
-            math.inf if budget.deadline_s is None else float(budget.deadline_s) - _RESERVE_S,
+            Deadline(
+                math.inf if budget.deadline_s is None else float(budget.deadline_s) - _RESERVE_S, int(budget.clock)
+            ),
             UNLIMITED if budget.nodes is None else int(budget.nodes),
         )
         tree = self._tree = self._workspace.tree_for(packed)
@@ -130,7 +134,7 @@ class Planner:
         else:
             with ordinary_meanwhile():
                 passes, outcome = run_schedule(packed, tree, schedule, prune, self.yaw_weight, limits)
-        return _plan_from(problem, packed, tree, schedule, passes, outcome, start_s)
+        return _plan_from(problem, packed, tree, schedule, passes, outcome, budget.clock, start_s)
 
 
 def arvi(
@@ -170,6 +174,7 @@ def _plan_from(
     schedule: NDArray[np.float64],
     passes: int,
     outcome: int,
+    clock: SearchClock,
     start_s: float,
 ) -> Plan:
     """What the search found, read from its tree."""
@@ -187,7 +192,7 @@ def _plan_from(
     holding = [row for row in tree.passes[:passes] if row[5] and np.isfinite(row[2])]
     epsilon, delta = (float(holding[-1][2]), float(holding[-1][3])) if holding else (math.inf, math.inf)
     complete = feasible and outcome == COMPLETE and (epsilon, delta) == (0.0, 0.0)
-    elapsed_s = time.perf_counter() - start_s
+    elapsed_s = clock.now_s() - start_s
     last = schedule[min(passes, len(schedule) - 1) if feasible else 0]
     return Plan(
         controls=controls,

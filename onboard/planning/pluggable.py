@@ -55,8 +55,8 @@ class PathPlanner(Protocol):
 
         Args:
             problem: Start, horizon, primitives, targets and landmarks, teammates' plans, fence.
-            budget: ``deadline_s`` on ``time.perf_counter``'s clock, or a number of search nodes. A planner that is no
-                search can ignore the nodes, never the deadline.
+            budget: Until when on which clock (``left_s`` is what is left), or a number of search nodes. A planner that
+                is no search can ignore the nodes, never the deadline.
         """
         ...
 

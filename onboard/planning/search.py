@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.planning.clock import now_s
+from onboard.planning.clock import Deadline, now_s
 from onboard.planning.improve import BOUND, COMPLETE, STOPPED, UNLIMITED, Limits, Pass, improve_path
 from onboard.planning.jit import entry_kernel
 from onboard.planning.packing import PackedProblem
@@ -38,7 +38,7 @@ def run_schedule(
     Returns:
         How many passes came to their end, and the outcome of the last one that was begun.
     """
-    first = Limits(limits.start_s, np.inf, tree.nodes.shape[0])
+    first = Limits(limits.start_s, Deadline(np.inf, limits.deadline.clock), tree.nodes.shape[0])
     outcome = STOPPED
     for number in range(schedule.shape[0]):
         epsilon, delta, width = schedule[number, 0], schedule[number, 1], schedule[number, 2]
@@ -49,7 +49,7 @@ def run_schedule(
         outcome = improve_path(problem, tree, step_pass, first if number == 0 and width == 1.0 else limits)
         if outcome == STOPPED:
             return number, outcome
-        tree.passes[number, 0] = now_s(tree.order.timespec) - limits.start_s
+        tree.passes[number, 0] = now_s(limits.deadline.clock, tree.order.timespec) - limits.start_s
         tree.passes[number, 1] = tree.best[0]
         tree.passes[number, 2] = epsilon
         tree.passes[number, 3] = delta

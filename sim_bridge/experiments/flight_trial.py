@@ -37,7 +37,7 @@ def run_flight_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _:
     Raises:
         BridgeError: The team did not get ready, or into the air in time.
     """
-    begun_s = time.perf_counter()
+    begun_s, begun_cpu_s = time.perf_counter(), time.thread_time()
     scenario = _scenario_of(task)
     nodes = task.setting.world.budget.nodes or 1
     team = VirtualTeam(scenario, seed=task.seed, plan_nodes=max(1, nodes // len(scenario.vehicles)))
@@ -67,7 +67,14 @@ def run_flight_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _:
         )
         delivered, lost = now_delivered, now_lost
         on_step(step + 1)
-    return TrialResult(task.key, columns.values, [], time.perf_counter() - begun_s, peak_memory_bytes())
+    return TrialResult(
+        task.key,
+        columns.values,
+        [],
+        wall_s=time.perf_counter() - begun_s,
+        cpu_s=time.thread_time() - begun_cpu_s,
+        peak_memory_bytes=peak_memory_bytes(),
+    )
 
 
 def _scenario_of(task: TrialTask) -> Scenario:

@@ -71,9 +71,10 @@ class TrialResult:
         key: Arm and trial.
         columns: A list for each of :data:`STEP_COLUMNS`, one entry a step. With a node budget it depends on nothing but
             the task.
-        planning_s: Time that each plan took, s, in the order they were made. This and the next two depend on the
-            machine.
+        planning_s: Time that each plan took on the budget's clock, s, in the order they were made. This and the next
+            three depend on the machine.
         wall_s: Of the whole trial, s.
+        cpu_s: Processor time that it took, s; also where others use the machine.
         peak_memory_bytes: Of the worker's process so far; 0 where that cannot be known.
     """
 
@@ -81,6 +82,7 @@ class TrialResult:
     columns: dict[str, list[Value]]
     planning_s: list[float]
     wall_s: float
+    cpu_s: float
     peak_memory_bytes: int
 
 

@@ -202,6 +202,6 @@ def _summary_of(experiment: Experiment, arm: ArmTrials, machine: dict[tuple[int,
         ).as_json(),
         "messages_per_robot_step": interval(arm.time_mean("messages_sent") / robots).as_json(),
         "bytes_per_robot_step": interval(arm.time_mean("bytes_sent") / robots).as_json(),
-        "wall_ms_per_step": interval([1e3 * r["wall_s"] / arm.values["step"].shape[1] for r in records]).as_json(),
+        "cpu_ms_per_step": interval([1e3 * r["cpu_s"] / arm.values["step"].shape[1] for r in records]).as_json(),
         "peak_memory_mb": max(r["peak_memory_bytes"] for r in records) / 1e6,
     }

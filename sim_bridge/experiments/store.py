@@ -5,7 +5,7 @@
     experiment.yaml       the file, as it was
     manifest.json         every arm's full configuration, seeds, versions
     trials/A-T.parquet    steps of arm A, trial T; written when the trial is complete, never before
-    trials/A-T.json       what depends on the machine: planning times, wall time, memory
+    trials/A-T.json       what depends on the machine: planning times, elapsed and processor time, memory
     failures.json         trials that crashed, with their tracebacks
     steps.parquet         all trials, ordered by arm, trial and step
     summary.json          means, 95 % intervals, comparisons
@@ -85,6 +85,7 @@ class ResultFolder:
         machine = {
             "planning_s": result.planning_s,
             "wall_s": result.wall_s,
+            "cpu_s": result.cpu_s,
             "peak_memory_bytes": result.peak_memory_bytes,
         }
         _write_text(self._machine_file(result.key), json.dumps(machine) + "\n")

@@ -41,7 +41,7 @@ def build_world(setting: Setting, seed: int) -> LockstepWorld:
             shared.append(planner)
         return planner
 
-    return LockstepWorld(scenario, setting.world, seed, planner_for, time.perf_counter)
+    return LockstepWorld(scenario, setting.world, seed, planner_for)
 
 
 def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) -> TrialResult:
@@ -57,7 +57,7 @@ def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) 
     """
     if task.setting.harness == "flight_stack":
         return run_flight_trial(task, on_step)
-    begun_s = time.perf_counter()
+    begun_s, begun_cpu_s = time.perf_counter(), time.thread_time()
     world = build_world(task.setting, task.seed)
     columns = StepColumns()
     planning_s: list[float] = []
@@ -84,4 +84,11 @@ def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) 
         before = now
         planning_s.extend(report.planning_s)
         on_step(step + 1)
-    return TrialResult(task.key, columns.values, planning_s, time.perf_counter() - begun_s, peak_memory_bytes())
+    return TrialResult(
+        task.key,
+        columns.values,
+        planning_s,
+        wall_s=time.perf_counter() - begun_s,
+        cpu_s=time.thread_time() - begun_cpu_s,
+        peak_memory_bytes=peak_memory_bytes(),
+    )

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from onboard.config.base import NonNegative, Positive, Probability, Section, SystemId
+from onboard.planning.plan import Budget, SearchClock
 
 __all__ = ["BudgetConfig", "NetworkConfig", "PartitionConfig", "TargetTruthConfig", "WorldConfig"]
 
@@ -65,12 +66,29 @@ class BudgetConfig(Section):
         default=None, description="successors generated: the same input gives the same plan"
     )
     time_s: Positive | None = Field(default=None, description="T_ARVI on the clock: plans depend on the machine")
+    clock: Literal["cpu", "wall"] = Field(
+        default="cpu",
+        description="cpu: the planner's processor time, which means the same on a busy machine; wall: elapsed time",
+    )
 
     @model_validator(mode="after")
     def _something(self) -> Self:
         if self.nodes is None and self.time_s is None:
             raise ValueError("give nodes, time_s, or both")
         return self
+
+    @property
+    def search_clock(self) -> SearchClock:
+        """The clock that planning is timed on."""
+        return SearchClock.THREAD_CPU if self.clock == "cpu" else SearchClock.MONOTONIC
+
+    def share(self, members: int) -> Budget:
+        """What one of ``members`` robots may spend from now on."""
+        return Budget(
+            deadline_s=None if self.time_s is None else self.search_clock.now_s() + self.time_s / members,
+            nodes=None if self.nodes is None else max(1, self.nodes // members),
+            clock=self.search_clock,
+        )
 
 
 class WorldConfig(Section):

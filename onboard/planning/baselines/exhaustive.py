@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +35,7 @@ class Exhaustive:
 
     def plan(self, problem: Problem, budget: Budget) -> Plan:
         """The plan; without a budget of nodes that would cut it short."""
-        begun_s = time.perf_counter()
+        begun_s = budget.clock.now_s()
         controls = np.full(problem.horizon, -1, dtype=np.int64)
         now, nodes = problem, 0
         for step in range(problem.horizon):
@@ -48,13 +47,13 @@ class Exhaustive:
             near = replace(
                 near, teammates=tuple(Teammate(m.poses[: near.horizon], m.separation_m) for m in near.teammates)
             )
-            best = self._planner.fvi(near, Budget(deadline_s=budget.deadline_s))
+            best = self._planner.fvi(near, Budget(budget.deadline_s, clock=budget.clock))
             nodes += best.nodes_generated
             if best.controls[0] < 0:
                 break
             controls[step] = best.controls[0]
             now = _moved(near, int(best.controls[0]), best.poses[:1])
-        return plan_of(problem, controls, nodes=nodes, elapsed_s=time.perf_counter() - begun_s)
+        return plan_of(problem, controls, nodes=nodes, elapsed_s=budget.clock.now_s() - begun_s)
 
 
 def _moved(problem: Problem, control: int, poses: np.ndarray) -> Problem:

@@ -1,7 +1,6 @@
 """A small scenario in a square, and worlds in it."""
 
 import json
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -67,7 +66,6 @@ def make_world() -> Callable[..., tuple[LockstepWorld, dict[int, Circler]]]:
             WorldConfig.model_validate_json(json.dumps(config)),
             seed,
             lambda vehicle_id: planner or circlers[vehicle_id],
-            time.perf_counter,
         )
         return made, circlers
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from onboard.estimation.distributed_filter import DistributedFilter
+from onboard.planning.plan import SearchClock
 from onboard.planning.planner import Planner
 from onboard.planning.primitives import advance
 from sim_bridge.errors import BridgeError
@@ -72,6 +73,30 @@ def test_coordinate_descent_in_the_order_of_ids(make_world: Make) -> None:
         for mate, mate_start in zip(problem.teammates, starts, strict=False):
             pose = advance(mate_start, problem.primitives[-1], 0.5)
             assert mate.poses[0] == pytest.approx(pose.as_tuple())
+
+
+@pytest.mark.parametrize(("clock", "expected"), [("cpu", SearchClock.THREAD_CPU), ("wall", SearchClock.MONOTONIC)])
+def test_a_groups_time_is_shared_on_the_clock_of_the_budget(
+    make_world: Make, clock: str, expected: SearchClock
+) -> None:
+    world, circlers = make_world(CLOSE, budget={"time_s": 30.0, "clock": clock})
+    begun_s = expected.now_s()
+    run(world, 1)
+    for circler in circlers.values():
+        _, budget = circler.asked[0]
+        assert budget.clock is expected
+        assert budget.deadline_s is not None
+        assert begun_s + 10.0 <= budget.deadline_s <= expected.now_s() + 10.0
+
+
+def test_a_time_budget_ends_the_search(make_world: Make) -> None:
+    """The planner reads the budget's clock: what has run out by its own clock is a greedy plan, and no more."""
+    nodes = []
+    for time_s in (1e-9, 0.05):
+        world, _ = make_world(CLOSE, planner=Planner(node_limit=500_000), budget={"time_s": time_s})
+        nodes.append(run(world, 1)[0].nodes)
+    greedy = 3 * 6 * 5  # robots, steps, primitives
+    assert nodes[0] <= greedy < nodes[1] < 500_000
 
 
 def test_a_plan_that_is_late_counts_as_absent(make_world: Make) -> None:
