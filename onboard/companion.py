@@ -18,7 +18,8 @@ from onboard.epochs import EpochSchedule, Slot
 from onboard.errors import OnboardError
 from onboard.estimation.measurement import Look
 from onboard.flight.autopilot import AutopilotLink
-from onboard.flight.machine import AIRBORNE, Event, FlightMachine, Refusal
+from onboard.flight.events import Event, Refusal
+from onboard.flight.machine import AIRBORNE, FlightMachine
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.messages import FlightState
@@ -88,7 +89,13 @@ class Companion:
 
     def __init__(self, scenario: Scenario, vehicle_id: int, boot_s: float) -> None:
         self.vehicle = scenario.vehicle(vehicle_id)
-        self.autopilot = AutopilotLink(vehicle_id, scenario.flight.autopilot_timeout_s)
+        self.autopilot = AutopilotLink(
+            vehicle_id,
+            scenario.flight.autopilot_timeout_s,
+            expected=self.vehicle.autopilot,
+            origin=scenario.mission.origin,
+            related_by_gps=scenario.mission.position_source == "gps",
+        )
         self.machine = FlightMachine(scenario.flight, self.vehicle, self.autopilot)
         self.agent: Agent | None = None
         self._scenario = scenario

@@ -192,7 +192,7 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
             autopilot = SimulatedAutopilot(
                 config.id,
                 body,
-                origin=simulation.origin,
+                origin=scenario.mission.origin,
                 parameters=parameters,
                 rng=generator(seed, Stream.AUTOPILOT, config.id),
                 boot_time_s=time_s,

@@ -14,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from onboard.config.base import NonNegative, Positive, Section, SystemId
 from onboard.config.patterns import LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple, overlap
-from onboard.config.simulation import SimulationConfig
+from onboard.config.simulation import OriginConfig, SimulationConfig
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.estimation.target_models import TargetModel, TargetMotion
 from onboard.geometry import Pose
@@ -60,6 +60,11 @@ class MissionConfig(Section):
     publishing_time_s: NonNegative = Field(default=0.03, description="kept of each slot for publishing the plan")
     measuring_delay_s: NonNegative = Field(default=0.08, description="from a step to its update: detections travel")
     takeoff_time_s: Positive = Field(default=12.0, description="from the start command to step 0, to reach the layers")
+    position_source: Literal["mocap", "gps"] = Field(
+        default="mocap",
+        description="mocap: the autopilots' local frames are the mission frame; gps: each is related to origin",
+    )
+    origin: OriginConfig = Field(default=OriginConfig(), description="of the mission frame on Earth")
     fence: Polygon = Field(description="corners [north m, east m] of the mission area")
     obstacles: tuple[Polygon, ...] = Field(
         default=(),
@@ -190,6 +195,7 @@ class FlightConfig(Section):
     position_gain_per_s: NonNegative = 1.2
     max_correction_m_s: NonNegative = 0.5
     velocity_lead_s: NonNegative = Field(default=0.25, description="how far ahead the velocity feed-forward is taken")
+    height_gain_per_s: NonNegative = Field(default=1.0, description="where height is held through vertical velocity")
     climb_m_s: Positive = 0.8
     return_speed_m_s: Positive = 1.0
     return_patience_s: Positive = Field(default=10.0, description="how long to wait above home for teammates")

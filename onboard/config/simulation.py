@@ -20,7 +20,7 @@ __all__ = [
 
 
 class OriginConfig(Section):
-    """Where on Earth the mission frame's origin is, for maps of ground stations."""
+    """Where on Earth the mission frame's origin is."""
 
     latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 39.9523
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = -75.1908
@@ -96,7 +96,6 @@ class SimulationConfig(Section):
     seed: Annotated[int, Field(ge=0)] = 1
     system_id: SystemId = 250
     physics_rate_hz: Annotated[float, Field(ge=50.0, le=1000.0)] = 200.0
-    origin: OriginConfig = OriginConfig()
     vehicles: VehicleDynamicsConfig = VehicleDynamicsConfig()
     parameters: dict[Annotated[str, Field(min_length=1, max_length=16)], int | float] = Field(default_factory=dict)
     ground_robots: GroundRobotsConfig

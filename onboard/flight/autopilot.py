@@ -1,140 +1,186 @@
-"""The companion's side of an autopilot link (PX4), without sockets: what it hears, and what it asks for.
+"""The companion's side of an autopilot link, without sockets: what it hears, and what it asks for.
 
-Commands: https://mavlink.io/en/services/command.html; OFFBOARD: https://docs.px4.io/main/en/flight_modes/offboard.html.
+Which family of autopilots it speaks to is seen in the heartbeat; what differs between them is in ``px4.py`` and
+``ardupilot.py``. Positions are in the mission frame here, and only here are they converted.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
 
+from onboard.config.simulation import OriginConfig
+from onboard.flight.ardupilot import ArduPilot
+from onboard.flight.behaviour import Behaviour, Request
+from onboard.flight.events import Event
+from onboard.flight.frame import LocalFrame, offset_m
 from onboard.flight.pose_history import ClockOffset, PoseHistory
+from onboard.flight.px4 import Px4
 from onboard.flight.setpoints import Setpoint
+from onboard.flight.streams import StreamWatch
+from onboard.flight.telemetry import Telemetry
 from onboard.geometry import Pose
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import CommandClient, CommandOutcome
-from onboard.protocol.px4_modes import Px4Mode
+from onboard.protocol.status_text import StatusTextAssembler
 
-__all__ = ["AutopilotLink", "AutopilotText"]
+__all__ = ["BEHAVIOURS", "AutopilotLink"]
 
-COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
-_PREARM_BIT = mavlink.MAV_SYS_STATUS_PREARM_CHECK
-_POSITION_TIMEOUT_S = 0.5
+COMPONENT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
+ORIGIN_RETRY_S = 2.0
+RECENT_TEXT_S = 3.0
+"""Within which a text of the autopilot explains its refusal."""
 
+BEHAVIOURS: dict[str, Behaviour] = {"px4": Px4(), "ardupilot": ArduPilot()}
+"""By the name that a scenario gives them."""
 
-@dataclass(frozen=True, slots=True)
-class AutopilotText:
-    """A STATUSTEXT of the autopilot.
-
-    Attributes:
-        severity: MAV_SEVERITY.
-        text: What it said.
-    """
-
-    severity: int
-    text: str
+_HOUSEKEEPING = (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE)
+_MASK_32 = 0xFFFFFFFF
 
 
 class AutopilotLink:
-    """What is known of one autopilot, and the commands under way to it.
+    """What is known of one autopilot, and what is under way to it.
 
     Args:
         system_id: The vehicle's system id.
         timeout_s: Silence of the heartbeat after which the autopilot counts as lost, s.
+        expected: Which autopilot the scenario says it is: a key of ``BEHAVIOURS``.
+        origin: Where the mission frame's origin is on Earth.
+        related_by_gps: Whether the local frame has an origin of its own; else it is the mission frame.
 
     Attributes:
-        poses: Position and yaw of the last seconds, by UNIX time.
+        heard: What the autopilot says of itself, in its local frame.
+        behaviour: How it is flown; what is expected until the heartbeat tells.
+        poses: Position and yaw of the last seconds, by UNIX time, in the mission frame.
         commands: Commands under way.
-        mode: HEARTBEAT.custom_mode; None before the first.
-        armed: From the last heartbeat.
-        failsafe: Whether the last heartbeat said MAV_STATE_CRITICAL or _EMERGENCY.
-        on_ground: From EXTENDED_SYS_STATE; None before the first.
-        prearm_ok: SYS_STATUS's pre-arm health bit.
-        battery_percent: 0..100; None if unknown.
-        position: North m, east m, down m; None before the first.
+        boots: How often the autopilot was seen to boot anew.
     """
 
-    def __init__(self, system_id: int, timeout_s: float) -> None:
+    def __init__(
+        self,
+        system_id: int,
+        timeout_s: float,
+        *,
+        expected: str = "px4",
+        origin: OriginConfig | None = None,
+        related_by_gps: bool = False,
+    ) -> None:
+        self.heard = Telemetry()
+        self.behaviour = BEHAVIOURS[expected]
         self.poses = PoseHistory()
         self.commands = CommandClient()
-        self.mode: int | None = None
-        self.armed = False
-        self.failsafe = False
-        self.on_ground: bool | None = None
-        self.prearm_ok = False
-        self.battery_percent: int | None = None
-        self.position: tuple[float, float, float] | None = None
-        self._yaw_rad: float | None = None
+        self.boots = 0
+        self._expected = self.behaviour
+        self._unknown_autopilot = False
         self._system_id = system_id
         self._timeout_s = timeout_s
-        self._heartbeat_s = -math.inf
-        self._position_s = -math.inf
+        self._origin = origin if origin is not None else OriginConfig()
+        self._related_by_gps = related_by_gps
+        self._frame = None if related_by_gps else LocalFrame()
+        self._has_origin = False
+        self._origin_asked_s = -math.inf
+        self._origin_requests = 0
         self._clock = ClockOffset()
+        self._streams: StreamWatch | None = None
+        self._was_heard = False
+        self._unhealthy: tuple[str, ...] = ()
+        self._assembler = StatusTextAssembler()
+        self._recent_texts: deque[tuple[float, str]] = deque(maxlen=8)
         self._out: list[mavlink.MAVLink_message] = []
-        self._texts: list[AutopilotText] = []
+        self._events: list[Event] = []
         self._outcomes: list[CommandOutcome] = []
+
+    # What it hears.
 
     def receive(self, message: mavlink.MAVLink_message, time_s: float) -> None:
         """Take a message that arrived at a UNIX time; those of other systems and components are not for us."""
         if message.get_srcSystem() != self._system_id or message.get_srcComponent() != COMPONENT:
             return
+        if self.heard.rebooted(message):
+            self._begin_anew(time_s)
+        self.heard.receive(message, time_s)
+        if self._streams is not None:
+            self._streams.count(message.get_msgId())
         match message:
             case mavlink.MAVLink_heartbeat_message():
-                self._heartbeat_s = time_s
-                self.mode = message.custom_mode
-                self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-                self.failsafe = message.system_status in (mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY)
+                self._identify(message.autopilot, time_s)
             case mavlink.MAVLink_local_position_ned_message():
-                if all(math.isfinite(value) for value in (message.x, message.y, message.z)):
-                    self.position = (message.x, message.y, message.z)
-                    self._position_s = time_s
-                    self.poses.add_position(self._clock.unix(message.time_boot_ms, time_s), message.x, message.y)
+                self._locate(self._clock.unix(message.time_boot_ms, time_s))
             case mavlink.MAVLink_attitude_message():
-                if math.isfinite(message.yaw):
-                    self._yaw_rad = message.yaw
-                    self.poses.add_yaw(self._clock.unix(message.time_boot_ms, time_s), message.yaw)
-            case mavlink.MAVLink_sys_status_message():
-                self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_BIT)
-                self.battery_percent = message.battery_remaining if message.battery_remaining >= 0 else None
-            case mavlink.MAVLink_extended_sys_state_message():
-                self.on_ground = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+                if self.heard.yaw_rad is not None:
+                    self.poses.add_yaw(self._clock.unix(message.time_boot_ms, time_s), self.heard.yaw_rad)
+            case mavlink.MAVLink_gps_global_origin_message():
+                self._relate(message)
             case mavlink.MAVLink_statustext_message():
-                self._texts.append(AutopilotText(message.severity, message.text))
+                self._read(message, time_s)
             case mavlink.MAVLink_command_ack_message():
                 outcome = self.commands.receive(message, time_s)
                 if outcome is not None:
-                    self._outcomes.append(outcome)
+                    self._end(outcome)
             case mavlink.MAVLink_timesync_message() if message.tc1 == 0:
                 self._out.append(mavlink.MAVLink_timesync_message(round(time_s * 1e9), message.ts1))
 
-    def heard(self, time_s: float) -> bool:
+    def alive(self, time_s: float) -> bool:
         """Whether its heartbeat is recent."""
-        return time_s - self._heartbeat_s <= self._timeout_s
+        return time_s - self.heard.heartbeat_s <= self._timeout_s
+
+    def lacks(self, time_s: float) -> str:
+        """What is missing before it can be started, in words; empty when it is ready."""
+        if not self.alive(time_s):
+            return "no heartbeat"
+        if self._unknown_autopilot:
+            return f"autopilot {self.heard.autopilot} is neither PX4 nor ArduPilot"
+        if self.behaviour is not self._expected:
+            return f"it is {self.behaviour.name}, the scenario says {self._expected.name}"
+        if not self.heard.has_position(time_s):
+            return "no position estimate"
+        if self._frame is None:
+            return "its local origin is unknown (GPS_GLOBAL_ORIGIN)"
+        return self.behaviour.lacks(self.heard)
+
+    @property
+    def mode_name(self) -> str:
+        """The autopilot's mode in words."""
+        return "unknown" if self.heard.mode is None else self.behaviour.mode_name(self.heard.mode)
 
     def has_position(self, time_s: float) -> bool:
-        """Whether its position estimate is recent."""
-        return time_s - self._position_s <= _POSITION_TIMEOUT_S and self._yaw_rad is not None
+        """Whether its place in the mission frame is known and recent."""
+        return self._frame is not None and self.heard.has_position(time_s)
+
+    @property
+    def position(self) -> tuple[float, float, float] | None:
+        """North m, east m, down m in the mission frame; None before it is known."""
+        if self._frame is None or self.heard.local_position is None:
+            return None
+        return self._frame.to_mission(self.heard.local_position)
 
     def pose(self) -> Pose | None:
         """The latest position and yaw; None before both were heard."""
-        if self.position is None or self._yaw_rad is None:
+        position = self.position
+        if position is None or self.heard.yaw_rad is None:
             return None
-        return Pose(self.position[0], self.position[1], self._yaw_rad)
+        return Pose(position[0], position[1], self.heard.yaw_rad)
+
+    # What it asks for.
+
+    def stand_on_ground(self) -> None:
+        """Where it stands is height 0: altitudes of different GPS receivers differ by metres, the ground does not."""
+        if self._related_by_gps and self._frame is not None and self.heard.local_position is not None:
+            self._frame = LocalFrame(self._frame.north_m, self._frame.east_m, -self.heard.local_position[2])
 
     def stream(self, setpoint: Setpoint, time_s: float, boot_s: float) -> None:
-        """Send a setpoint."""
-        boot_ms = round((time_s - boot_s) * 1e3)
-        self._out.append(setpoint.message(boot_ms, self._system_id, COMPONENT))
+        """Send a setpoint of the mission frame."""
+        if self._frame is None:
+            return
+        boot_ms = round((time_s - boot_s) * 1e3) & _MASK_32
+        local = setpoint.at_height(self._frame.down_to_local(setpoint.down_m))
+        self._out.append(self.behaviour.setpoint(local, boot_ms, self._system_id, COMPONENT))
 
-    def set_mode(self, mode: Px4Mode, time_s: float) -> None:
-        """Ask for a mode (MAV_CMD_DO_SET_MODE)."""
-        self._command(
-            mavlink.MAV_CMD_DO_SET_MODE, time_s, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode.main, mode.sub
-        )
-
-    def arm(self, time_s: float) -> None:
-        """Ask to arm (MAV_CMD_COMPONENT_ARM_DISARM)."""
-        self._command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, time_s, 1.0)
+    def ask(self, request: Request, time_s: float) -> None:
+        """Give a command; it is repeated until it is answered."""
+        filled = [*request.parameters, *[0.0] * (7 - len(request.parameters))]
+        message = mavlink.MAVLink_command_long_message(self._system_id, COMPONENT, request.command, 0, *filled)
+        self.commands.request(message, time_s)
 
     def busy(self, command: int) -> bool:
         """Whether this MAV_CMD waits for its acknowledgement."""
@@ -142,23 +188,129 @@ class AutopilotLink:
 
     def poll(self, time_s: float) -> list[mavlink.MAVLink_message]:
         """What to send now."""
+        self._watch(time_s)
+        if self._was_heard and self._streams is not None:
+            wanted = self._streams.request(time_s)
+            if wanted is not None:
+                self.ask(wanted, time_s)
+            self._events += self._streams.events()
+            self._seek_origin(time_s)
         due, timed_out = self.commands.poll(time_s)
-        self._outcomes += timed_out
+        for outcome in timed_out:
+            self._end(outcome)
         out, self._out = [*self._out, *due], []
         return out
 
-    def texts(self) -> list[AutopilotText]:
-        """What the autopilot said since the last call."""
-        texts, self._texts = self._texts, []
-        return texts
+    def events(self) -> list[Event]:
+        """What the operator should know, since the last call."""
+        events, self._events = self._events, []
+        return events
 
     def outcomes(self) -> list[CommandOutcome]:
-        """Commands that ended since the last call."""
+        """Commands that ended since the last call, but for those that the link itself gave."""
         outcomes, self._outcomes = self._outcomes, []
         return outcomes
 
-    def _command(self, command: int, time_s: float, *parameters: float) -> None:
-        filled = [*parameters, *[0.0] * (7 - len(parameters))]
-        self.commands.request(
-            mavlink.MAVLink_command_long_message(self._system_id, COMPONENT, command, 0, *filled), time_s
+    def explanation(self, time_s: float) -> str:
+        """What the autopilot said in the last seconds, as the reason of its refusal; empty if nothing."""
+        return "; ".join(text for said_s, text in self._recent_texts if time_s - said_s <= RECENT_TEXT_S)
+
+    # Within.
+
+    def _say(self, severity: int, text: str) -> None:
+        self._events.append(Event(severity, text))
+
+    def _identify(self, autopilot: int, time_s: float) -> None:
+        """Choose the behaviour by the heartbeat; a new one, or one after silence, is asked for its messages again."""
+        known = next((known for known in BEHAVIOURS.values() if known.autopilot == autopilot), None)
+        self._unknown_autopilot = known is None
+        if known is None:
+            return
+        if known is not self.behaviour or self._streams is None:
+            self.behaviour = known
+            if known is not self._expected:
+                self._say(mavlink.MAV_SEVERITY_ERROR, f"this is {known.name}; the scenario says {self._expected.name}")
+            self._streams = StreamWatch(known.rates_hz, time_s)
+
+    def _watch(self, time_s: float) -> None:
+        """Say when the link comes and goes, and which sensors fail and recover."""
+        alive = self.alive(time_s)
+        if alive != self._was_heard:
+            self._was_heard = alive
+            if alive:
+                self._streams = StreamWatch(self.behaviour.rates_hz, time_s)
+                self._origin_asked_s = -math.inf
+                self._say(mavlink.MAV_SEVERITY_INFO, f"autopilot heard: {self.behaviour.name}")
+            else:
+                self._say(mavlink.MAV_SEVERITY_CRITICAL, "autopilot link lost")
+        if self.heard.unhealthy != self._unhealthy and self.heard.armed:
+            failed = [name for name in self.heard.unhealthy if name not in self._unhealthy]
+            recovered = [name for name in self._unhealthy if name not in self.heard.unhealthy]
+            if failed:
+                self._say(mavlink.MAV_SEVERITY_WARNING, f"autopilot: {', '.join(failed)} unhealthy")
+            if recovered:
+                self._say(mavlink.MAV_SEVERITY_INFO, f"autopilot: {', '.join(recovered)} healthy again")
+        self._unhealthy = self.heard.unhealthy
+
+    def _begin_anew(self, time_s: float) -> None:
+        """The autopilot has booted: its clock, its local frame, its message rates are new."""
+        self.boots += 1
+        self._say(mavlink.MAV_SEVERITY_WARNING, "autopilot rebooted; clock, position and message rates begin anew")
+        heartbeat_s, autopilot = self.heard.heartbeat_s, self.heard.autopilot
+        self.heard = Telemetry()
+        self.heard.heartbeat_s, self.heard.autopilot = heartbeat_s, autopilot
+        self.poses = PoseHistory()
+        self._clock = ClockOffset()
+        self._frame = None if self._related_by_gps else LocalFrame()
+        self._has_origin = False
+        self._origin_asked_s = -math.inf
+        self._origin_requests = 0
+        self._streams = StreamWatch(self.behaviour.rates_hz, time_s)
+
+    def _locate(self, stamp_s: float) -> None:
+        position = self.position
+        if position is not None:
+            self.poses.add_position(stamp_s, position[0], position[1])
+
+    def _relate(self, message: mavlink.MAVLink_gps_global_origin_message) -> None:
+        """Where the local frame's origin is on Earth; until it stands to be armed, its height is where it started."""
+        if message.latitude == 0 and message.longitude == 0:
+            return
+        self._has_origin = True
+        if self._related_by_gps:
+            north_m, east_m = offset_m(self._origin, message.latitude * 1e-7, message.longitude * 1e-7)
+            self._frame = LocalFrame(north_m, east_m, 0.0 if self._frame is None else self._frame.down_m)
+
+    def _seek_origin(self, time_s: float) -> None:
+        """Ask where the local origin is; without GPS, tell where it is: no autopilot there knows by itself."""
+        if self._has_origin or time_s - self._origin_asked_s < ORIGIN_RETRY_S:
+            return
+        self._origin_asked_s = time_s
+        self._origin_requests += 1
+        if self._related_by_gps or self._origin_requests == 1:
+            self.ask(Request(mavlink.MAV_CMD_REQUEST_MESSAGE, (mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,)), time_s)
+            return
+        origin = self._origin
+        self._out.append(
+            mavlink.MAVLink_set_gps_global_origin_message(
+                self._system_id,
+                round(origin.latitude_deg * 1e7),
+                round(origin.longitude_deg * 1e7),
+                round(origin.altitude_m * 1e3),
+            )
         )
+
+    def _read(self, message: mavlink.MAVLink_statustext_message, time_s: float) -> None:
+        whole = self._assembler.receive(message)
+        if whole is None:
+            return
+        severity, text = whole
+        self._say(severity, f"autopilot: {text}")
+        if severity <= mavlink.MAV_SEVERITY_WARNING:
+            self._recent_texts.append((time_s, text))
+
+    def _end(self, outcome: CommandOutcome) -> None:
+        if outcome.command not in _HOUSEKEEPING:
+            self._outcomes.append(outcome)
+        elif outcome.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and self._streams is not None:
+            self._streams.ended(outcome)

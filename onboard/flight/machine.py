@@ -1,63 +1,43 @@
 """The flight states of one vehicle: wait → standby → arm → take off → hold ⇄ track → return → land → landed.
 
 A plain object: times, the autopilot link and plans go in; setpoints, commands on the link and events come out. Each
-state is one method that does its work and names the next state. Somebody else taking the vehicle (its mode changed, it
-was disarmed) releases it at once from every state in the air.
+state is one method that does its work and names the next state. What differs between autopilots is in the link's
+behaviour. Somebody else taking the vehicle (its mode changed, it was disarmed) releases it at once from every state in
+the air.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from onboard.config.schema import FlightConfig, VehicleConfig
 from onboard.flight.autopilot import AutopilotLink
-from onboard.flight.setpoints import Setpoint, SetpointTracker
+from onboard.flight.custody import Custody, Holder
+from onboard.flight.events import Event, Refusal
+from onboard.flight.launch import HEARTBEAT_LAG_S, Launch
+from onboard.flight.setpoints import HeightReference, Setpoint, SetpointTracker
 from onboard.flight.trajectory import Hold, Trajectory, Transfer
 from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
-from onboard.protocol.px4_modes import Px4Mode
 
-__all__ = ["Event", "FlightMachine", "Refusal"]
+__all__ = ["AIRBORNE", "FlightMachine"]
 
-STREAM_BEFORE_OFFBOARD_S = 0.5
+STREAM_BEFORE_LAUNCH_S = 0.5
 COMMAND_RETRY_S = 1.0
-ARMING_PATIENCE_S = 20.0
-HEARTBEAT_LAG_S = 2.5
-"""PX4 shows a new mode or arming in its next heartbeat, up to 1 s late; one may be lost."""
+LAUNCH_PATIENCE_S = 20.0
+LACK_PATIENCE_S = 3.0
+"""What is missing for longer is told."""
 AT_LAYER_M = 0.15
+NEAR_LAYER_M = 0.6
+NEAR_LAYER_PATIENCE_S = 2.0
+"""Who takes off by its own idea of the height may stop a little off ours; the stream does the rest."""
 OVER_HOME_M = 0.3
 
-_COMMANDED = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
+_FLOWN = (FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
+_COMMANDED = (FlightState.TAKEOFF, *_FLOWN)
 AIRBORNE = (*_COMMANDED, FlightState.LAND)
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something the operator should know.
-
-    Attributes:
-        severity: MAV_SEVERITY.
-        text: One line.
-    """
-
-    severity: int
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """Why a command is not obeyed.
-
-    Attributes:
-        result: MAV_RESULT to answer with.
-        reason: One line for the operator.
-    """
-
-    result: int
-    reason: str
 
 
 class FlightMachine:
@@ -85,15 +65,17 @@ class FlightMachine:
         self._flown_until_s = math.inf
         self._since_s = -math.inf
         self._command_s = -math.inf
-        self._offboard_s: float | None = None
-        self._down_m = 0.0
+        self._launch = Launch((), 0.0)
+        self._launched_s = math.inf
+        self._custody = Custody(link)
+        self._height = HeightReference(0.0)
+        self._near_layer_s = math.inf
         self._last_tick_s = -math.inf
         self._home = vehicle.home_pose
         self._paused = False
-        self._mode_accepted = False
-        self._armed_accepted = False
-        self._link_was_heard = False
-        self._in_failsafe = False
+        self._land_taken = self._land_shown = False
+        self._holder = Holder.WE
+        self._lack = ("", -math.inf)
         self._events: list[Event] = []
         self._handlers: dict[FlightState, Callable[[float, bool], FlightState]] = {
             FlightState.WAIT: self._wait,
@@ -114,12 +96,13 @@ class FlightMachine:
         """Arm and take off; asking again in flight changes nothing."""
         if self.state in (FlightState.ARM, *_COMMANDED):
             return None
-        if self.state not in (FlightState.STANDBY, FlightState.LANDED):
-            why = {
-                FlightState.WAIT: "the autopilot is not ready: " + self._not_ready(time_s),
-                FlightState.LAND: "the vehicle is landing",
-                FlightState.RELEASED: "somebody else has the vehicle",
-            }[self.state]
+        why = {
+            FlightState.LAND: "the vehicle is landing",
+            FlightState.RELEASED: "somebody else has the vehicle",
+        }.get(self.state, "")
+        if not why and (lack := self._link.lacks(time_s)):
+            why = f"the autopilot is not ready: {lack}"
+        if why:
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"start refused: {why}")
         self._enter(FlightState.ARM, time_s)
         return None
@@ -173,7 +156,7 @@ class FlightMachine:
     @property
     def autopilot_lands(self) -> bool:
         """Whether the autopilot says that it is landing by itself."""
-        return self._link.mode == Px4Mode.LAND
+        return self._link.heard.mode == self._link.behaviour.land_mode
 
     def fly(self, trajectory: Trajectory, start_s: float, end_s: float) -> None:
         """Fly a trajectory from ``start_s`` on; it ends at ``end_s`` unless another one follows."""
@@ -219,13 +202,20 @@ class FlightMachine:
             self._enter(following, time_s)
         elapsed = min(max(time_s - self._last_tick_s, 0.0), 0.1)
         self._last_tick_s = time_s
-        if self.state not in (FlightState.ARM, *_COMMANDED) or self.trajectory is None:
+        if not self._streams or self.trajectory is None:
             return None
         self._move_height(elapsed)
-        measured = self._link.pose() if self._link.has_position(time_s) else None
-        if self.state is FlightState.ARM:
-            measured = None
-        return self._tracker.setpoint(self.trajectory, time_s, measured, self._down_m)
+        measured, down_m = None, None
+        if self.state is not FlightState.ARM and self._link.has_position(time_s):
+            measured, down_m = self._link.pose(), self._measured_down_m
+        return self._tracker.setpoint(self.trajectory, time_s, self._height, measured, down_m)
+
+    @property
+    def _streams(self) -> bool:
+        """Whether the autopilot wants setpoints now; on landing until it has taken the command to land."""
+        if self.state in (FlightState.ARM, FlightState.TAKEOFF):
+            return self._link.behaviour.streams_before_takeoff
+        return self.state in _FLOWN or (self.state is FlightState.LAND and not self._land_taken)
 
     def _enter(self, state: FlightState, time_s: float) -> None:
         previous, self.state = self.state, state
@@ -233,17 +223,31 @@ class FlightMachine:
         self._command_s = -math.inf
         self._say(mavlink.MAV_SEVERITY_INFO, f"{previous.name} -> {state.name}")
         if state is FlightState.ARM:
-            self._begin_flight()
+            self._begin_flight(time_s)
+        elif state is FlightState.TAKEOFF:
+            self._launched_s = time_s
+            self._near_layer_s = math.inf
         elif state is FlightState.HOLD:
             self.trajectory = Hold(self.reference_pose(time_s) if self.trajectory is None else self._now(time_s))
+            self._start_stream(previous)
         elif state is FlightState.RETURN:
             self._next = None
             self.trajectory = Transfer(
                 time_s, self._now(time_s), self._home.north_m, self._home.east_m, self._config.return_speed_m_s
             )
+            self._start_stream(previous)
+        elif state is FlightState.LAND:
+            self._land_taken = previous is FlightState.ARM
+            self._land_shown = False
 
-    def _begin_flight(self) -> None:
+    def _start_stream(self, previous: FlightState) -> None:
+        """Where the autopilot took off by itself, its height is not ours yet."""
+        if previous is FlightState.TAKEOFF and not self._link.behaviour.streams_before_takeoff:
+            self._height = HeightReference(self._measured_down_m)
+
+    def _begin_flight(self, time_s: float) -> None:
         """Home is where the vehicle stands when it arms."""
+        self._link.stand_on_ground()
         measured = self._link.pose() or self._home
         stray = measured.distance_m(self._vehicle.home_pose)
         if stray > OVER_HOME_M:
@@ -252,47 +256,53 @@ class FlightMachine:
         self.trajectory = Hold(measured)
         self._next = None
         self._paused = False
-        self._mode_accepted = self._armed_accepted = False
-        self._offboard_s = None
-        self._down_m = self._link.position[2] if self._link.position is not None else 0.0
+        self._height = HeightReference(self._measured_down_m)
+        self._launched_s = math.inf
+        self._custody = Custody(self._link)
+        self._holder = Holder.WE
+        behaviour = self._link.behaviour
+        begin_s = time_s + (STREAM_BEFORE_LAUNCH_S if behaviour.streams_before_takeoff else 0.0)
+        self._launch = Launch(behaviour.launch(self._vehicle.layer_m + self._height.down_m), begin_s)
 
     def _now(self, time_s: float) -> Pose:
         return self.trajectory.reference(time_s).pose if self.trajectory is not None else self._home
 
     def _move_height(self, elapsed_s: float) -> None:
-        if self.state is FlightState.ARM:
+        if self.state in (FlightState.ARM, FlightState.LAND) or elapsed_s <= 0.0:
             return
         step = self._config.climb_m_s * elapsed_s
-        error = -self._vehicle.layer_m - self._down_m
-        self._down_m += min(max(error, -step), step)
+        move = min(max(-self._vehicle.layer_m - self._height.down_m, -step), step)
+        self._height = HeightReference(self._height.down_m + move, move / elapsed_s)
 
     # One method for each state: does its work, names the next state.
 
     def _wait(self, time_s: float, may_descend: bool) -> FlightState:
-        return FlightState.WAIT if self._not_ready(time_s) else FlightState.STANDBY
+        lack = self._link.lacks(time_s)
+        known, since_s = self._lack
+        if lack != known:
+            self._lack = (lack, time_s)
+        elif lack and time_s - since_s > LACK_PATIENCE_S:
+            self._lack = (lack, math.inf)
+            self._say(mavlink.MAV_SEVERITY_NOTICE, f"waiting for the autopilot: {lack}")
+        return FlightState.WAIT if lack else FlightState.STANDBY
 
     def _standby(self, time_s: float, may_descend: bool) -> FlightState:
-        return FlightState.WAIT if self._not_ready(time_s) else FlightState.STANDBY
+        return FlightState.WAIT if self._link.lacks(time_s) else FlightState.STANDBY
 
     def _arm(self, time_s: float, may_descend: bool) -> FlightState:
-        if self._armed_accepted:
-            self._offboard_s = time_s
+        if self._launch.advance(self._link, time_s):
             return FlightState.TAKEOFF
-        if time_s - self._since_s > ARMING_PATIENCE_S:
-            self._say(mavlink.MAV_SEVERITY_ERROR, f"not armed within {ARMING_PATIENCE_S:.0f} s; gave up")
+        if time_s - self._since_s > LAUNCH_PATIENCE_S:
+            at = self._launch.waits_for(self._link)
+            self._say(mavlink.MAV_SEVERITY_ERROR, f"not in the air within {LAUNCH_PATIENCE_S:.0f} s ({at}); gave up")
             return FlightState.STANDBY
-        streamed = time_s - self._since_s >= STREAM_BEFORE_OFFBOARD_S
-        if streamed and time_s - self._command_s >= COMMAND_RETRY_S:
-            if not self._mode_accepted and not self._link.busy(mavlink.MAV_CMD_DO_SET_MODE):
-                self._command_s = time_s
-                self._link.set_mode(Px4Mode.OFFBOARD, time_s)
-            elif self._mode_accepted and not self._link.busy(mavlink.MAV_CMD_COMPONENT_ARM_DISARM):
-                self._command_s = time_s
-                self._link.arm(time_s)
         return FlightState.ARM
 
     def _takeoff(self, time_s: float, may_descend: bool) -> FlightState:
-        return FlightState.HOLD if self._at_layer() else FlightState.TAKEOFF
+        error = abs(self._measured_down_m + self._vehicle.layer_m)
+        self._near_layer_s = min(self._near_layer_s, time_s) if error < NEAR_LAYER_M else math.inf
+        reached = error < AT_LAYER_M or time_s - self._near_layer_s > NEAR_LAYER_PATIENCE_S
+        return FlightState.HOLD if reached else FlightState.TAKEOFF
 
     def _hold(self, time_s: float, may_descend: bool) -> FlightState:
         if self._paused or self._next is None or time_s < self._next[0]:
@@ -319,77 +329,77 @@ class FlightMachine:
         return FlightState.RETURN
 
     def _land(self, time_s: float, may_descend: bool) -> FlightState:
-        if self._link.on_ground and not self._link.armed:
+        heard, behaviour = self._link.heard, self._link.behaviour
+        if heard.on_ground and not heard.armed:
             return FlightState.LANDED
+        if heard.mode == behaviour.land_mode:
+            self._land_taken = self._land_shown = True
+        elif self._land_shown and heard.armed and not heard.failsafe:
+            self._say(mavlink.MAV_SEVERITY_WARNING, f"somebody else took the vehicle (mode {self._link.mode_name})")
+            return FlightState.RELEASED
         asked = self._link.busy(mavlink.MAV_CMD_DO_SET_MODE) or time_s - self._command_s < COMMAND_RETRY_S
-        if self._link.mode != Px4Mode.LAND and not asked and not self._in_failsafe:
+        if heard.mode != behaviour.land_mode and not asked and self._holder is not Holder.AUTOPILOT:
             self._command_s = time_s
-            self._link.set_mode(Px4Mode.LAND, time_s)
+            self._link.ask(behaviour.mode(behaviour.land_mode), time_s)
         return FlightState.LAND
 
     def _landed(self, time_s: float, may_descend: bool) -> FlightState:
         return FlightState.LANDED
 
     def _released(self, time_s: float, may_descend: bool) -> FlightState:
-        grounded = self._link.heard(time_s) and self._link.on_ground and not self._link.armed
+        grounded = self._link.alive(time_s) and self._link.heard.on_ground and not self._link.heard.armed
         return FlightState.WAIT if grounded else FlightState.RELEASED
 
     # What the link tells.
 
     def _listen(self, time_s: float) -> None:
-        for text in self._link.texts():
-            self._say(text.severity, f"autopilot: {text.text}")
+        self._events += self._link.events()
         for outcome in self._link.outcomes():
             if not outcome.accepted:
-                self._say(mavlink.MAV_SEVERITY_WARNING, f"autopilot: {outcome}")
-            elif self.state is FlightState.ARM and outcome.command == mavlink.MAV_CMD_DO_SET_MODE:
-                self._mode_accepted = True
-                self._command_s = -math.inf
-            elif self.state is FlightState.ARM and outcome.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
-                self._armed_accepted = True
+                explanation = self._link.explanation(time_s)
+                text = f"autopilot: {outcome} ({explanation})" if explanation else f"autopilot: {outcome}"
+                self._say(mavlink.MAV_SEVERITY_WARNING, text)
+            elif self.state is FlightState.ARM:
+                self._launch.accepted(outcome, time_s)
+            elif self.state is FlightState.LAND and outcome.command == mavlink.MAV_CMD_DO_SET_MODE:
+                self._land_taken = True
 
     def _watch(self, time_s: float) -> None:
-        """Say when the link comes and goes, and let go of a vehicle that somebody else has taken."""
-        heard = self._link.heard(time_s)
-        if heard != self._link_was_heard:
-            self._link_was_heard = heard
-            severity = mavlink.MAV_SEVERITY_INFO if heard else mavlink.MAV_SEVERITY_CRITICAL
-            self._say(severity, "autopilot heard" if heard else "autopilot link lost")
-        if self.state not in _COMMANDED or not heard or self._offboard_s is None:
+        """Let go of a vehicle that somebody else has taken; land one that nobody has."""
+        if self.state not in _COMMANDED or not self._link.alive(time_s):
             return
-        if time_s - self._offboard_s < HEARTBEAT_LAG_S:
+        if time_s - self._launched_s < HEARTBEAT_LAG_S:
             return
-        taken = self._link.mode != Px4Mode.OFFBOARD
-        if taken and self._link.failsafe and self._link.armed:
-            # Our stream brings PX4 back to OFFBOARD by itself; landing meanwhile is its decision.
-            if not self._in_failsafe:
-                self._in_failsafe = True
-                self._say(mavlink.MAV_SEVERITY_CRITICAL, f"autopilot failsafe: {Px4Mode.name_of(self._link.mode or 0)}")
+        verdict = self._custody.judge(self._link.behaviour.guided_mode, time_s)
+        if verdict.holder is self._holder:
             return
-        self._in_failsafe = False
-        if taken or not self._link.armed:
-            reason = "disarmed" if not self._link.armed else f"mode {Px4Mode.name_of(self._link.mode or 0)}"
-            self._say(mavlink.MAV_SEVERITY_WARNING, f"somebody else took the vehicle ({reason}); letting go")
-            self._enter(FlightState.RELEASED, time_s)
-
-    def _not_ready(self, time_s: float) -> str:
-        """What the autopilot still lacks; empty when it is ready."""
-        if not self._link.heard(time_s):
-            return "no heartbeat"
-        if not self._link.has_position(time_s):
-            return "no position estimate"
-        if not self._link.prearm_ok:
-            return "its pre-arm checks fail"
-        return ""
+        self._holder = verdict.holder
+        match verdict.holder:
+            case Holder.WE:
+                self._say(mavlink.MAV_SEVERITY_NOTICE, "the autopilot follows again")
+            case Holder.AUTOPILOT:
+                self._say(mavlink.MAV_SEVERITY_CRITICAL, verdict.reason)
+            case Holder.NOBODY | Holder.LANDING:
+                self._say(mavlink.MAV_SEVERITY_CRITICAL, f"{verdict.reason}; landing here")
+                self._enter(FlightState.LAND, time_s)
+            case Holder.ANOTHER:
+                self._say(
+                    mavlink.MAV_SEVERITY_WARNING, f"somebody else took the vehicle ({verdict.reason}); letting go"
+                )
+                self._enter(FlightState.RELEASED, time_s)
 
     def _switch(self) -> None:
         if self._next is not None:
             self._flown_from_s, self.trajectory, self._flown_until_s = self._next
             self._next = None
 
-    def _at_layer(self) -> bool:
+    @property
+    def _measured_down_m(self) -> float:
         position = self._link.position
-        return position is not None and abs(position[2] + self._vehicle.layer_m) < AT_LAYER_M
+        return 0.0 if position is None else position[2]
+
+    def _at_layer(self) -> bool:
+        return abs(self._measured_down_m + self._vehicle.layer_m) < AT_LAYER_M
 
     def _distance_home_m(self) -> float:
         measured = self._link.pose()

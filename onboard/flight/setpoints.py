@@ -1,38 +1,30 @@
 """From a trajectory to what the autopilot is told 50 times a second.
 
-Velocity feed-forward plus a bounded position correction, height held by position, yaw with yaw rate as feed-forward
-(SET_POSITION_TARGET_LOCAL_NED, https://mavlink.io/en/messages/common.html#SET_POSITION_TARGET_LOCAL_NED).
+Velocity feed-forward plus a bounded position correction, a height with the vertical velocity that holds it, yaw with
+yaw rate as feed-forward. Which of these an autopilot gets, and in which message, is its behaviour's: ``px4.py``,
+``ardupilot.py``.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from onboard.config.schema import FlightConfig
 from onboard.flight.trajectory import Trajectory
 from onboard.geometry import Pose
-from onboard.protocol import dialect as mavlink
 
-__all__ = ["Setpoint", "SetpointTracker"]
-
-_TYPE_MASK = (
-    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
-)
+__all__ = ["HeightReference", "Setpoint", "SetpointTracker"]
 
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """One setpoint in the mission frame.
+    """One setpoint.
 
     Attributes:
         velocity_north_m_s: Horizontal velocity.
         velocity_east_m_s: Horizontal velocity.
+        velocity_down_m_s: Vertical velocity that reaches and holds the height.
         down_m: Height to hold, NED.
         yaw_rad: Heading.
         yaw_rate_rad_s: Feed-forward of the heading.
@@ -40,32 +32,27 @@ class Setpoint:
 
     velocity_north_m_s: float
     velocity_east_m_s: float
+    velocity_down_m_s: float
     down_m: float
     yaw_rad: float
     yaw_rate_rad_s: float
 
-    def message(
-        self, boot_ms: int, target_system: int, target_component: int
-    ) -> mavlink.MAVLink_set_position_target_local_ned_message:
-        """The setpoint for PX4: horizontal velocity, height, yaw and yaw rate in MAV_FRAME_LOCAL_NED."""
-        return mavlink.MAVLink_set_position_target_local_ned_message(
-            boot_ms & 0xFFFFFFFF,
-            target_system,
-            target_component,
-            mavlink.MAV_FRAME_LOCAL_NED,
-            _TYPE_MASK,
-            0.0,
-            0.0,
-            self.down_m,
-            self.velocity_north_m_s,
-            self.velocity_east_m_s,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            self.yaw_rad,
-            self.yaw_rate_rad_s,
-        )
+    def at_height(self, down_m: float) -> Setpoint:
+        """The same with its height in another frame, NED."""
+        return replace(self, down_m=down_m)
+
+
+@dataclass(frozen=True, slots=True)
+class HeightReference:
+    """The height that is asked for, NED.
+
+    Attributes:
+        down_m: Where.
+        rate_m_s: How fast it changes.
+    """
+
+    down_m: float
+    rate_m_s: float = 0.0
 
 
 class SetpointTracker:
@@ -78,26 +65,39 @@ class SetpointTracker:
     def __init__(self, config: FlightConfig) -> None:
         self._config = config
 
-    def setpoint(self, trajectory: Trajectory, time_s: float, measured: Pose | None, down_m: float) -> Setpoint:
+    def setpoint(
+        self,
+        trajectory: Trajectory,
+        time_s: float,
+        height: HeightReference,
+        measured: Pose | None,
+        measured_down_m: float | None,
+    ) -> Setpoint:
         """The setpoint at a UNIX time.
 
         The feed-forward is taken ``velocity_lead_s`` ahead, because the vehicle answers late by about that much; the
-        correction compares where it is with where it should be now, and is bounded.
+        corrections compare where it is with where it should be now, and are bounded.
 
         Args:
             trajectory: What is flown.
             time_s: UNIX time, s.
-            measured: Where the autopilot says it is; without it there is no correction.
-            down_m: Height to hold, NED, m.
+            height: What height is asked for.
+            measured: Where the autopilot says it is; without it there is no horizontal correction.
+            measured_down_m: Its height, NED, m; without it there is no vertical correction.
         """
-        ahead = trajectory.reference(time_s + self._config.velocity_lead_s)
+        config = self._config
+        ahead = trajectory.reference(time_s + config.velocity_lead_s)
         now = trajectory.reference(time_s)
         north, east = ahead.velocity_north_m_s, ahead.velocity_east_m_s
         if measured is not None:
-            correction_north = self._config.position_gain_per_s * (now.pose.north_m - measured.north_m)
-            correction_east = self._config.position_gain_per_s * (now.pose.east_m - measured.east_m)
+            correction_north = config.position_gain_per_s * (now.pose.north_m - measured.north_m)
+            correction_east = config.position_gain_per_s * (now.pose.east_m - measured.east_m)
             size = math.hypot(correction_north, correction_east)
-            bound = min(1.0, self._config.max_correction_m_s / size) if size > 0.0 else 0.0
+            bound = min(1.0, config.max_correction_m_s / size) if size > 0.0 else 0.0
             north += bound * correction_north
             east += bound * correction_east
-        return Setpoint(north, east, down_m, now.pose.yaw_rad, now.yaw_rate_rad_s)
+        down = height.rate_m_s
+        if measured_down_m is not None:
+            down += config.height_gain_per_s * (height.down_m - measured_down_m)
+        down = min(max(down, -config.climb_m_s), config.climb_m_s)
+        return Setpoint(north, east, down, height.down_m, now.pose.yaw_rad, now.yaw_rate_rad_s)

@@ -9,7 +9,7 @@ import numpy as np
 
 from onboard.config.schema import FlightConfig
 from onboard.config.simulation import VehicleDynamicsConfig
-from onboard.flight.setpoints import SetpointTracker
+from onboard.flight.setpoints import HeightReference, SetpointTracker
 from onboard.flight.trajectory import HOVER, Hold, PlanTrajectory, Trajectory
 from onboard.geometry import Pose, wrap_angle
 from onboard.planning.primitives import Primitive, advance
@@ -19,8 +19,6 @@ __all__ = ["IdealMotion", "Motion", "SecondOrderMotion"]
 
 _YAW_GAIN_PER_S = 2.8
 """Of the heading hold around the yaw rate: PX4's MC_YAW_P."""
-
-_HEIGHT_GAIN_PER_S = 1.0
 
 
 class Motion(Protocol):
@@ -85,7 +83,7 @@ class SecondOrderMotion:
         self._vehicle = Vehicle(dynamics, (pose.north_m, pose.east_m, 0.0), pose.yaw_rad, rng)
         self._vehicle.on_ground = False
         self._vehicle.down_m = -height_m
-        self._down_m = -height_m
+        self._height = HeightReference(-height_m)
         self._tracker = SetpointTracker(flight)
         self._tick_s = 1.0 / flight.setpoint_rate_hz
         self._step_s = step_s
@@ -105,14 +103,16 @@ class SecondOrderMotion:
         ticks = max(1, round(duration_s / self._tick_s))
         dt_s = duration_s / ticks
         for tick in range(ticks):
-            setpoint = self._tracker.setpoint(self._trajectory, time_s + tick * dt_s, self.pose, self._down_m)
+            setpoint = self._tracker.setpoint(
+                self._trajectory, time_s + tick * dt_s, self._height, self.pose, self._vehicle.down_m
+            )
             turn = _YAW_GAIN_PER_S * wrap_angle(setpoint.yaw_rad - self._vehicle.yaw_rad)
             self._vehicle.step(
                 dt_s,
                 VelocityCommand(
                     setpoint.velocity_north_m_s,
                     setpoint.velocity_east_m_s,
-                    _HEIGHT_GAIN_PER_S * (setpoint.down_m - self._vehicle.down_m),
+                    setpoint.velocity_down_m_s,
                     setpoint.yaw_rate_rad_s + turn,
                     motors_on=True,
                 ),

@@ -1,44 +1,55 @@
-"""The flight states, against a scripted autopilot in virtual time."""
+"""The flight states, against a scripted autopilot of either family in virtual time."""
 
 import itertools
+import math
 from collections.abc import Callable
 
 import pytest
 
 from onboard.config.schema import FlightConfig, VehicleConfig
-from onboard.flight.autopilot import AutopilotLink
+from onboard.flight.autopilot import BEHAVIOURS, AutopilotLink
 from onboard.flight.machine import FlightMachine
-from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.planning.primitives import Primitive
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.ardupilot_modes import CopterMode
 from onboard.protocol.codec import Codec
 from onboard.protocol.px4_modes import Px4Mode
 
 TICK_S = 0.02
+TAKEOFF_M_S = 1.0
 VEHICLE = VehicleConfig.model_validate({"id": 1, "home": (1.0, 2.0), "layer_m": 1.5})
+FAMILIES = list(BEHAVIOURS)
+
+SetpointMessage = mavlink.MAVLink_set_position_target_local_ned_message
 
 
 class Flight:
     """A machine, its link, and an autopilot that follows setpoints perfectly and obeys unless told otherwise."""
 
-    def __init__(self) -> None:
-        self.link = AutopilotLink(1, timeout_s=4.5)
+    def __init__(self, family: str = "px4") -> None:
+        self.link = AutopilotLink(1, timeout_s=4.5, expected=family)
         self.machine = FlightMachine(FlightConfig(), VEHICLE, self.link)
+        self.behaviour = BEHAVIOURS[family]
         self.time_s = 100.0
-        self.mode = Px4Mode.LOITER
+        self.boot_s = 0.0
+        self.mode: int = Px4Mode.LOITER if family == "px4" else CopterMode.STABILIZE
         self.armed = False
         self.ready = True
         self.silent = False
         self.failsafe = False
         self.refuse: dict[int, int] = {}
+        self.says: list[str] = []
         self.position = [1.0, 2.0, 0.0]
-        self.setpoints: list[Setpoint] = []
+        self.setpoints: list[SetpointMessage] = []
         self.texts: list[str] = []
         self.states = [self.machine.state]
         self.may_descend = True
+        self.climbing_to: float | None = None
+        self.rates_asked: dict[int, float] = {}
+        self.commands: list[mavlink.MAVLink_command_long_message] = []
         self._codec = Codec(1, 1)
         self._decoder = Codec(1, 191)
         self._ticks = 0
@@ -48,8 +59,7 @@ class Flight:
             self._autopilot()
             setpoint = self.machine.tick(self.time_s, may_descend=self.may_descend)
             if setpoint is not None:
-                self.setpoints.append(setpoint)
-                self._follow(setpoint)
+                self.link.stream(setpoint, self.time_s, 0.0)
             for message in self.link.poll(self.time_s):
                 self._obey(message)
             self.texts += [event.text for event in self.machine.events()]
@@ -85,11 +95,11 @@ class Flight:
     def _autopilot(self) -> None:
         if self.silent:
             return
-        boot_ms = round(self.time_s * 1e3)
+        boot_ms = round((self.time_s - self.boot_s) * 1e3)
         if self._ticks % 50 == 0:
             flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
             status = mavlink.MAV_STATE_CRITICAL if self.failsafe else mavlink.MAV_STATE_ACTIVE
-            self.say(mavlink.MAVLink_heartbeat_message(2, 12, flags, int(self.mode), status, 3))
+            self.say(mavlink.MAVLink_heartbeat_message(2, self.behaviour.autopilot, flags, int(self.mode), status, 3))
         if self._ticks % 10 == 0:
             health = mavlink.MAV_SYS_STATUS_PREARM_CHECK if self.ready else 0
             self.say(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 12000, 0, 80, 0, 0, 0, 0, 0, 0))
@@ -97,30 +107,61 @@ class Flight:
             self.say(mavlink.MAVLink_extended_sys_state_message(0, landed))
         self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *self.position, 0.0, 0.0, 0.0))
         self.say(mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        if self.mode is Px4Mode.LAND and self.armed:
+        if self.armed and self.mode == self.behaviour.land_mode:
             self.position[2] = min(self.position[2] + 0.7 * TICK_S, 0.0)
             self.armed = self.position[2] < 0.0
+        elif self.armed and self.climbing_to is not None:
+            self.position[2] = max(self.position[2] - TAKEOFF_M_S * TICK_S, self.climbing_to)
 
-    def _follow(self, setpoint: Setpoint) -> None:
-        if self.armed and self.mode is Px4Mode.OFFBOARD:
-            self.position[0] += setpoint.velocity_north_m_s * TICK_S
-            self.position[1] += setpoint.velocity_east_m_s * TICK_S
-            self.position[2] = setpoint.down_m
+    def _follow(self, setpoint: SetpointMessage) -> None:
+        self.setpoints.append(setpoint)
+        if not self.armed or self.mode != self.behaviour.guided_mode:
+            return
+        self.position[0] += setpoint.vx * TICK_S
+        self.position[1] += setpoint.vy * TICK_S
+        if self.behaviour is BEHAVIOURS["px4"]:
+            self.position[2] = setpoint.z
+        elif self.position[2] < 0.0:
+            self.climbing_to = None  # a setpoint ends ArduPilot's takeoff
+            self.position[2] += setpoint.vz * TICK_S
 
     def _obey(self, message: mavlink.MAVLink_message) -> None:
-        if not isinstance(message, mavlink.MAVLink_command_long_message) or self.silent:
+        if self.silent:
             return
+        if isinstance(message, SetpointMessage):
+            self._follow(message)
+        if not isinstance(message, mavlink.MAVLink_command_long_message):
+            return
+        self.commands.append(message)
         result = self.refuse.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
+        if message.command == mavlink.MAV_CMD_NAV_TAKEOFF and not self.armed:
+            result = mavlink.MAV_RESULT_FAILED
+        for text in self.says if result != mavlink.MAV_RESULT_ACCEPTED else []:
+            self.say(mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, text.encode()))
         if result == mavlink.MAV_RESULT_ACCEPTED:
-            if message.command == mavlink.MAV_CMD_DO_SET_MODE:
-                self.mode = Px4Mode(int(message.param2) << 16 | int(message.param3) << 24)
-            elif message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
-                self.armed = True
+            self._do(message)
         self.say(mavlink.MAVLink_command_ack_message(message.command, result))
 
+    def _do(self, message: mavlink.MAVLink_command_long_message) -> None:
+        match message.command:
+            case mavlink.MAV_CMD_DO_SET_MODE if self.behaviour is BEHAVIOURS["px4"]:
+                self.mode = int(message.param2) << 16 | int(message.param3) << 24
+            case mavlink.MAV_CMD_DO_SET_MODE:
+                self.mode = int(message.param2)
+            case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+                self.armed = True
+            case mavlink.MAV_CMD_NAV_TAKEOFF:
+                self.climbing_to = self.position[2] - message.param7
+            case mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+                self.rates_asked[int(message.param1)] = 1e6 / message.param2
 
-def test_a_whole_flight_passes_every_state_in_order() -> None:
-    flight = Flight()
+
+@pytest.fixture(params=FAMILIES)
+def flight(request: pytest.FixtureRequest) -> Flight:
+    return Flight(request.param)
+
+
+def test_a_whole_flight_passes_every_state_in_order(flight: Flight) -> None:
     flight.fly_to(FlightState.TRACK)
     flight.run(3.0)
     assert flight.machine.land(flight.time_s) is None
@@ -130,11 +171,11 @@ def test_a_whole_flight_passes_every_state_in_order() -> None:
     assert flight.position[:2] == pytest.approx([1.0, 2.0], abs=0.3), "it lands at home"
 
 
-def test_nothing_is_streamed_or_commanded_before_the_start() -> None:
-    flight = Flight()
+def test_nothing_is_streamed_or_commanded_before_the_start(flight: Flight) -> None:
+    before = flight.mode
     flight.run(5.0)
     assert flight.setpoints == []
-    assert flight.mode is Px4Mode.LOITER
+    assert flight.mode == before
 
 
 def test_the_stream_runs_before_offboard_is_asked_for_and_the_climb_waits_for_arming() -> None:
@@ -142,20 +183,19 @@ def test_the_stream_runs_before_offboard_is_asked_for_and_the_climb_waits_for_ar
     flight = Flight()
     flight.until(lambda: flight.machine.state is FlightState.STANDBY)
     flight.machine.start(flight.time_s)
-    flight.until(lambda: flight.mode is Px4Mode.OFFBOARD)
+    flight.until(lambda: flight.mode == Px4Mode.OFFBOARD)
     assert len(flight.setpoints) >= 25
     assert not flight.armed
-    assert {setpoint.down_m for setpoint in flight.setpoints} == {0.0}
+    assert {setpoint.z for setpoint in flight.setpoints} == {0.0}
     flight.until(lambda: flight.armed)
     flight.until(lambda: flight.machine.state is FlightState.HOLD)
-    climb = [setpoint.down_m for setpoint in flight.setpoints]
-    assert min(after - before for before, after in itertools.pairwise(climb)) >= -0.8 * TICK_S - 1e-9
+    climb = [setpoint.z for setpoint in flight.setpoints]
+    assert min(after - before for before, after in itertools.pairwise(climb)) >= -0.8 * TICK_S - 1e-6
     flight.run(2.0)
-    assert flight.setpoints[-1].down_m == -1.5
+    assert flight.setpoints[-1].z == -1.5
 
 
-def test_a_start_that_is_repeated_changes_nothing() -> None:
-    flight = Flight()
+def test_a_start_that_is_repeated_changes_nothing(flight: Flight) -> None:
     flight.fly_to(FlightState.HOLD)
     assert flight.machine.start(flight.time_s) is None
     flight.run(1.0)
@@ -173,19 +213,17 @@ def test_a_start_before_the_autopilot_is_ready_is_refused_with_the_reason(lack: 
     assert refusal.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
-def test_refused_arming_is_repeated_told_and_at_last_given_up() -> None:
-    flight = Flight()
+def test_refused_arming_is_repeated_told_and_at_last_given_up(flight: Flight) -> None:
     flight.refuse[mavlink.MAV_CMD_COMPONENT_ARM_DISARM] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     flight.until(lambda: flight.machine.state is FlightState.STANDBY)
     flight.machine.start(flight.time_s)
     flight.until(lambda: flight.states[-1] is FlightState.ARM)
     flight.until(lambda: flight.machine.state is FlightState.STANDBY, limit_s=25.0)
     assert sum("temporarily rejected" in text for text in flight.texts) >= 10
-    assert any("not armed within" in text for text in flight.texts)
+    assert any("not in the air within 20 s (arming)" in text for text in flight.texts)
 
 
-def test_arming_that_is_allowed_later_takes_off() -> None:
-    flight = Flight()
+def test_arming_that_is_allowed_later_takes_off(flight: Flight) -> None:
     flight.refuse[mavlink.MAV_CMD_COMPONENT_ARM_DISARM] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     flight.until(lambda: flight.machine.state is FlightState.STANDBY)
     flight.machine.start(flight.time_s)
@@ -194,21 +232,17 @@ def test_arming_that_is_allowed_later_takes_off() -> None:
     flight.until(lambda: flight.machine.state is FlightState.HOLD)
 
 
-def test_without_a_new_plan_the_last_one_is_flown_out_and_then_held() -> None:
-    flight = Flight()
+def test_without_a_new_plan_the_last_one_is_flown_out_and_then_held(flight: Flight) -> None:
     flight.fly_to(FlightState.TRACK)
     flight.until(lambda: flight.machine.state is FlightState.HOLD)
     assert any("no new plan" in text for text in flight.texts)
     flight.run(1.0)
-    assert (flight.setpoints[-1].velocity_north_m_s, flight.setpoints[-1].velocity_east_m_s) == pytest.approx(
-        (0, 0), abs=0.05
-    )
+    assert (flight.setpoints[-1].vx, flight.setpoints[-1].vy) == pytest.approx((0, 0), abs=0.05)
     flight.plan()
     flight.until(lambda: flight.machine.state is FlightState.TRACK)
 
 
-def test_a_pause_holds_and_a_resume_flies_plans_again() -> None:
-    flight = Flight()
+def test_a_pause_holds_and_a_resume_flies_plans_again(flight: Flight) -> None:
     flight.fly_to(FlightState.TRACK)
     assert flight.machine.pause(flight.time_s) is None
     assert flight.machine.state is FlightState.HOLD
@@ -220,32 +254,31 @@ def test_a_pause_holds_and_a_resume_flies_plans_again() -> None:
     flight.until(lambda: flight.machine.state is FlightState.TRACK)
 
 
-def test_a_pause_on_the_ground_is_refused() -> None:
-    flight = Flight()
+def test_a_pause_on_the_ground_is_refused(flight: Flight) -> None:
     flight.run(2.0)
     refusal = flight.machine.pause(flight.time_s)
     assert refusal is not None
     assert "STANDBY" in refusal.reason
 
 
-def test_somebody_else_taking_the_vehicle_releases_it_at_once() -> None:
-    flight = Flight()
+def test_somebody_else_taking_the_vehicle_releases_it_at_once(flight: Flight) -> None:
     flight.fly_to(FlightState.TRACK)
     flight.run(4.0)
-    flight.mode = Px4Mode.POSCTL
+    other = Px4Mode.POSCTL if flight.behaviour is BEHAVIOURS["px4"] else CopterMode.LOITER
+    flight.mode = other
     flight.until(lambda: flight.machine.state is FlightState.RELEASED, limit_s=1.1)
     before = len(flight.setpoints)
     flight.run(2.0)
     assert len(flight.setpoints) == before, "the stream would fight the pilot"
-    assert flight.mode is Px4Mode.POSCTL
-    assert any("POSCTL" in text for text in flight.texts)
+    assert flight.mode == other
+    assert any(other.name in text for text in flight.texts)
     refusal = flight.machine.start(flight.time_s)
     assert refusal is not None
 
 
-def test_a_failsafe_of_the_autopilot_is_told_once_and_the_stream_goes_on() -> None:
-    """PX4 returns to OFFBOARD by itself when the stream is back."""
-    flight = Flight()
+def test_a_failsafe_of_px4_is_told_once_and_the_stream_goes_on() -> None:
+    """PX4 returns to OFFBOARD by itself when the stream, or its position, is back."""
+    flight = Flight("px4")
     flight.fly_to(FlightState.TRACK)
     flight.run(4.0)
     flight.mode, flight.failsafe = Px4Mode.POSCTL, True
@@ -257,10 +290,145 @@ def test_a_failsafe_of_the_autopilot_is_told_once_and_the_stream_goes_on() -> No
     flight.mode, flight.failsafe = Px4Mode.OFFBOARD, False
     flight.run(2.0)
     assert flight.machine.state in (FlightState.TRACK, FlightState.HOLD)
+    assert "the autopilot follows again" in flight.texts
 
 
-def test_it_waits_above_home_while_a_teammate_may_cross_below_but_not_for_ever() -> None:
-    flight = Flight()
+def test_a_failsafe_of_px4_that_waits_for_sticks_lands_where_nobody_holds_them() -> None:
+    """Without motion capture PX4 ends in ALTCTL, where it drifts without a pilot."""
+    flight = Flight("px4")
+    flight.fly_to(FlightState.TRACK)
+    flight.run(4.0)
+    flight.mode, flight.failsafe = Px4Mode.ALTCTL, True
+    flight.until(lambda: flight.mode == Px4Mode.LAND, limit_s=4.0)
+    flight.failsafe = False
+    flight.until(lambda: flight.machine.state is FlightState.LANDED)
+    assert any("failsafe: ALTCTL; landing here" in text for text in flight.texts)
+
+
+def test_a_failsafe_of_ardupilot_that_lands_is_followed_to_the_ground() -> None:
+    """It does not come back: "EKF Failsafe: changed to LAND Mode"."""
+    flight = Flight("ardupilot")
+    flight.fly_to(FlightState.TRACK)
+    flight.run(3.0)
+    flight.mode, flight.failsafe = CopterMode.LAND, True
+    flight.until(lambda: flight.machine.state is FlightState.LANDED)
+    assert flight.states[-3:] == [FlightState.TRACK, FlightState.LAND, FlightState.LANDED]
+
+
+def test_ardupilot_gets_no_setpoint_before_its_takeoff_is_over() -> None:
+    """A setpoint on the way up would end the takeoff, and NaN yaw would crash it."""
+    flight = Flight("ardupilot")
+    flight.fly_to(FlightState.ARM)
+    flight.until(lambda: flight.machine.state is FlightState.TAKEOFF)
+    flight.until(lambda: bool(flight.setpoints))
+    assert flight.machine.state is FlightState.HOLD
+    assert flight.position[2] == pytest.approx(-1.5, abs=0.15)
+    names = [message.command for message in flight.commands if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL]
+    order = [mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF]
+    assert [name for name in names if name != mavlink.MAV_CMD_REQUEST_MESSAGE] == order
+    flight.run(2.0)
+    assert flight.position[2] == pytest.approx(-1.5, abs=0.02), "height is held through vertical velocity"
+    for message in flight.setpoints:
+        assert message.type_mask == 455
+        assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
+        assert all(math.isfinite(value) for value in message.to_dict().values() if isinstance(value, float))
+
+
+def test_ardupilot_waits_for_its_checks_in_guided_before_it_arms() -> None:
+    flight = Flight("ardupilot")
+    flight.ready = False
+    flight.fly_to(FlightState.ARM)
+    flight.run(5.0)
+    assert flight.mode == CopterMode.GUIDED
+    assert not flight.armed
+    assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in [message.command for message in flight.commands]
+    flight.ready = True
+    flight.until(lambda: flight.machine.state is FlightState.HOLD)
+
+
+def test_an_autopilot_that_disarms_by_itself_before_takeoff_is_armed_again() -> None:
+    """DISARM_DELAY: armed and idle on the ground it disarms after 10 s."""
+    flight = Flight("ardupilot")
+    flight.refuse[mavlink.MAV_CMD_NAV_TAKEOFF] = mavlink.MAV_RESULT_FAILED
+    flight.fly_to(FlightState.ARM)
+    flight.until(lambda: flight.armed)
+    flight.run(4.0)
+    flight.armed = False
+    flight.refuse.clear()
+    flight.until(lambda: flight.machine.state is FlightState.HOLD, limit_s=15.0)
+    assert flight.armed
+
+
+def test_a_refusal_carries_the_autopilots_own_words(flight: Flight) -> None:
+    flight.refuse[mavlink.MAV_CMD_COMPONENT_ARM_DISARM] = mavlink.MAV_RESULT_FAILED
+    flight.says = ["Arm: Accels inconsistent"]
+    flight.fly_to(FlightState.ARM)
+    flight.run(3.0)
+    assert "autopilot: COMPONENT_ARM_DISARM to 1/1: failed (Arm: Accels inconsistent)" in flight.texts
+
+
+def test_an_autopilot_that_is_not_the_one_expected_is_not_started() -> None:
+    flight = Flight("px4")
+    flight.behaviour = BEHAVIOURS["ardupilot"]
+    flight.run(5.0)
+    refusal = flight.machine.start(flight.time_s)
+    assert refusal is not None
+    assert "it is ArduPilot, the scenario says PX4" in refusal.reason
+    assert any("it is ArduPilot" in text for text in flight.texts)
+
+
+def test_an_autopilot_that_reboots_in_flight_is_let_go_and_one_on_the_ground_is_ready_again(flight: Flight) -> None:
+    flight.run(3.0)
+    flight.boot_s = flight.time_s
+    flight.rates_asked.clear()
+    flight.run(3.0)
+    assert any("rebooted" in text for text in flight.texts)
+    assert flight.rates_asked == flight.behaviour.rates_hz, "a reboot forgets what was asked for"
+    flight.fly_to(FlightState.TRACK)
+    flight.run(3.0)
+    flight.boot_s = flight.time_s
+    flight.armed, flight.mode, flight.climbing_to = False, 0, None
+    flight.until(lambda: flight.machine.state is FlightState.RELEASED, limit_s=1.1)
+    assert any("somebody else took the vehicle" in text for text in flight.texts)
+    flight.position[2] = 0.0
+    flight.until(lambda: flight.machine.state is FlightState.STANDBY)
+
+
+def test_somebody_else_taking_the_vehicle_while_it_lands_gets_it(flight: Flight) -> None:
+    flight.fly_to(FlightState.HOLD)
+    flight.machine.land(flight.time_s)
+    flight.until(lambda: flight.machine.state is FlightState.LAND)
+    flight.run(1.2)
+    flight.mode = Px4Mode.POSCTL if flight.behaviour is BEHAVIOURS["px4"] else CopterMode.LOITER
+    flight.until(lambda: flight.machine.state is FlightState.RELEASED, limit_s=1.1)
+
+
+def test_the_stream_goes_on_until_the_autopilot_has_taken_the_command_to_land() -> None:
+    """Else a lost command would end in a failsafe."""
+    flight = Flight("px4")
+    flight.fly_to(FlightState.HOLD)
+    flight.refuse[mavlink.MAV_CMD_DO_SET_MODE] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    flight.machine.land(flight.time_s)
+    flight.until(lambda: flight.machine.state is FlightState.LAND)
+    before = len(flight.setpoints)
+    flight.run(2.0)
+    assert len(flight.setpoints) - before == 100
+    flight.refuse.clear()
+    flight.until(lambda: flight.mode == Px4Mode.LAND)
+    before = len(flight.setpoints)
+    flight.run(2.0)
+    assert len(flight.setpoints) == before
+
+
+def test_message_rates_are_asked_for_and_again_when_too_little_comes(flight: Flight) -> None:
+    flight.run(8.0)
+    assert flight.rates_asked == flight.behaviour.rates_hz
+    asked = [m for m in flight.commands if m.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL]
+    again = [int(m.param1) for m in asked[len(flight.rates_asked) :]]
+    assert set(again) == {mavlink.MAVLINK_MSG_ID_SYSTEM_TIME}, "the only one that this autopilot does not send"
+
+
+def test_it_waits_above_home_while_a_teammate_may_cross_below_but_not_for_ever(flight: Flight) -> None:
     flight.fly_to(FlightState.HOLD)
     flight.may_descend = False
     flight.machine.land(flight.time_s)
@@ -271,8 +439,7 @@ def test_it_waits_above_home_while_a_teammate_may_cross_below_but_not_for_ever()
     assert any("landing all the same" in text for text in flight.texts)
 
 
-def test_landing_on_a_lost_mode_command_is_asked_for_again() -> None:
-    flight = Flight()
+def test_landing_on_a_lost_mode_command_is_asked_for_again(flight: Flight) -> None:
     flight.fly_to(FlightState.HOLD)
     flight.refuse[mavlink.MAV_CMD_DO_SET_MODE] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     flight.machine.land(flight.time_s)
@@ -282,20 +449,19 @@ def test_landing_on_a_lost_mode_command_is_asked_for_again() -> None:
     flight.until(lambda: flight.machine.state is FlightState.LANDED)
 
 
-def test_the_loss_and_return_of_the_link_are_told() -> None:
-    flight = Flight()
+def test_the_loss_and_return_of_the_link_are_told(flight: Flight) -> None:
     flight.fly_to(FlightState.HOLD)
     flight.silent = True
     flight.run(6.0)
     assert "autopilot link lost" in flight.texts
+    flight.mode = flight.behaviour.guided_mode
     assert flight.machine.state is FlightState.HOLD
     flight.silent = False
     flight.run(1.5)
-    assert flight.texts.count("autopilot heard") == 2
+    assert flight.texts.count(f"autopilot heard: {flight.behaviour.name}") == 2
 
 
-def test_a_vehicle_far_from_its_configured_home_says_so_and_lands_where_it_stood() -> None:
-    flight = Flight()
+def test_a_vehicle_far_from_its_configured_home_says_so_and_lands_where_it_stood(flight: Flight) -> None:
     flight.position = [3.0, 2.0, 0.0]
     flight.fly_to(FlightState.HOLD)
     assert any("2.0 m from its configured home" in text for text in flight.texts)
@@ -304,17 +470,15 @@ def test_a_vehicle_far_from_its_configured_home_says_so_and_lands_where_it_stood
     assert flight.position[:2] == pytest.approx([3.0, 2.0], abs=0.3)
 
 
-def test_messages_of_other_vehicles_are_not_ours() -> None:
-    flight = Flight()
+def test_messages_of_other_vehicles_are_not_ours(flight: Flight) -> None:
     flight.run(2.0)
     other = Codec(2, 1)
     (message,) = Codec(1, 191).decode(other.encode(mavlink.MAVLink_heartbeat_message(2, 12, 128, 0, 4, 3)))
     flight.link.receive(message, flight.time_s)
-    assert not flight.link.armed
+    assert not flight.link.heard.armed
 
 
-def test_a_timesync_request_is_answered_with_our_time() -> None:
-    flight = Flight()
+def test_a_timesync_request_is_answered_with_our_time(flight: Flight) -> None:
     flight.run(TICK_S)
     flight.say(mavlink.MAVLink_timesync_message(0, 777))
     (answer,) = [m for m in flight.link.poll(flight.time_s) if isinstance(m, mavlink.MAVLink_timesync_message)]
@@ -322,8 +486,7 @@ def test_a_timesync_request_is_answered_with_our_time() -> None:
     assert answer.tc1 == round(flight.time_s * 1e9)
 
 
-def test_the_tracking_error_is_measured_against_the_plan() -> None:
-    flight = Flight()
+def test_the_tracking_error_is_measured_against_the_plan(flight: Flight) -> None:
     flight.fly_to(FlightState.HOLD)
     assert flight.machine.tracking_error_m(flight.time_s) is None
     assert flight.machine.plan_age_s(flight.time_s) is None

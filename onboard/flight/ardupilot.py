@@ -1,0 +1,104 @@
+"""ArduPilot Copter, flown in GUIDED (https://ardupilot.org/dev/docs/copter-commands-in-guided-mode.html).
+
+It arms in GUIDED once its pre-arm checks pass and takes off by itself; any setpoint on the way up would end the
+takeoff. One ignored axis drops its whole group of axes, so height is held through the vertical velocity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from onboard.flight.behaviour import LaunchStep, Request, arm_request, mode_request
+from onboard.flight.setpoints import Setpoint
+from onboard.flight.telemetry import Telemetry
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.ardupilot_modes import CopterMode
+
+__all__ = ["ArduPilot"]
+
+_TYPE_MASK = (
+    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+)
+"""vx, vy, vz, yaw and, as feed-forward, yaw rate."""
+
+
+class ArduPilot:
+    """Behaviour of ArduPilot Copter; attributes as in :class:`onboard.flight.behaviour.Behaviour`."""
+
+    name = "ArduPilot"
+    autopilot: int = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    guided_mode: int = CopterMode.GUIDED
+    land_mode: int = CopterMode.LAND
+    streams_before_takeoff = False
+    returns_from_failsafe = False
+    rates_hz: Mapping[int, float] = MappingProxyType(
+        {
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 50.0,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: 50.0,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: 2.0,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
+            mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
+        }
+    )
+
+    def mode_name(self, custom_mode: int) -> str:
+        """A mode in words."""
+        return CopterMode.name_of(custom_mode)
+
+    def needs_pilot(self, custom_mode: int) -> bool:
+        """Its failsafes land, return or brake; none waits for sticks."""
+        return False
+
+    def lacks(self, telemetry: Telemetry) -> str:
+        """Nothing that could be judged before GUIDED: the health bit speaks of the mode that is active."""
+        return ""
+
+    def mode(self, custom_mode: int) -> Request:
+        """Ask for a mode."""
+        return mode_request(custom_mode)
+
+    def launch(self, climb_m: float) -> tuple[LaunchStep, ...]:
+        """GUIDED, its pre-arm checks, arming, takeoff."""
+        takeoff = Request(mavlink.MAV_CMD_NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, climb_m))
+        return (
+            LaunchStep("GUIDED", self.mode(CopterMode.GUIDED), _nothing, lambda heard: heard.mode == CopterMode.GUIDED),
+            LaunchStep("arming", arm_request(), _prearm, lambda heard: heard.armed),
+            LaunchStep("takeoff", takeoff, _nothing, lambda _: False),
+        )
+
+    def setpoint(
+        self, setpoint: Setpoint, boot_ms: int, system_id: int, component: int
+    ) -> mavlink.MAVLink_set_position_target_local_ned_message:
+        """Velocity, yaw and yaw rate in MAV_FRAME_LOCAL_NED; a NaN yaw would crash it."""
+        return mavlink.MAVLink_set_position_target_local_ned_message(
+            boot_ms,
+            system_id,
+            component,
+            mavlink.MAV_FRAME_LOCAL_NED,
+            _TYPE_MASK,
+            0.0,
+            0.0,
+            0.0,
+            setpoint.velocity_north_m_s,
+            setpoint.velocity_east_m_s,
+            setpoint.velocity_down_m_s,
+            0.0,
+            0.0,
+            0.0,
+            setpoint.yaw_rad,
+            setpoint.yaw_rate_rad_s,
+        )
+
+
+def _nothing(_: Telemetry) -> str:
+    return ""
+
+
+def _prearm(telemetry: Telemetry) -> str:
+    return "" if telemetry.prearm_ok else "its pre-arm checks fail"

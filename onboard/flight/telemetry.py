@@ -1,0 +1,103 @@
+"""What an autopilot says of itself: mode, arming, health, position and yaw in its own local frame.
+
+HEARTBEAT, SYS_STATUS, EXTENDED_SYS_STATE, LOCAL_POSITION_NED, ATTITUDE
+(https://mavlink.io/en/messages/common.html) mean the same with PX4 and ArduPilot; how a number is judged is in
+``px4.py`` and ``ardupilot.py``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from onboard.protocol import dialect as mavlink
+
+__all__ = ["Telemetry"]
+
+_PREARM_BIT: int = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+_POSITION_TIMEOUT_S = 0.5
+_REBOOT_MS = 1000
+"""A boot time this much below the last one is another boot's; UDP reorders by less."""
+_WRAP_MS = 1 << 31
+
+
+class Telemetry:
+    """What was heard of one autopilot since it booted.
+
+    Attributes:
+        autopilot: MAV_AUTOPILOT; None before the first heartbeat.
+        mode: HEARTBEAT.custom_mode; None before the first.
+        armed: From the last heartbeat.
+        failsafe: Whether the last heartbeat said MAV_STATE_CRITICAL or _EMERGENCY.
+        heartbeat_s: UNIX time of the last heartbeat.
+        on_ground: From EXTENDED_SYS_STATE; None before the first.
+        prearm_ok: SYS_STATUS's pre-arm health bit.
+        unhealthy: Names of the enabled sensors that SYS_STATUS calls unhealthy.
+        battery_percent: 0..100; None if unknown.
+        local_position: North m, east m, down m in the autopilot's local frame; None before the first.
+        yaw_rad: Heading; None before the first.
+    """
+
+    def __init__(self) -> None:
+        self.autopilot: int | None = None
+        self.mode: int | None = None
+        self.armed = False
+        self.failsafe = False
+        self.heartbeat_s = -math.inf
+        self.on_ground: bool | None = None
+        self.prearm_ok = False
+        self.unhealthy: tuple[str, ...] = ()
+        self.battery_percent: int | None = None
+        self.local_position: tuple[float, float, float] | None = None
+        self.yaw_rad: float | None = None
+        self._position_s = -math.inf
+        self._boot_ms: int | None = None
+
+    def receive(self, message: mavlink.MAVLink_message, time_s: float) -> None:
+        """Take a message of this autopilot that arrived at a UNIX time."""
+        match message:
+            case mavlink.MAVLink_heartbeat_message():
+                self.heartbeat_s = time_s
+                self.autopilot = message.autopilot
+                self.mode = message.custom_mode
+                self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+                self.failsafe = message.system_status in (mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY)
+            case mavlink.MAVLink_local_position_ned_message():
+                if all(math.isfinite(value) for value in (message.x, message.y, message.z)):
+                    self.local_position = (message.x, message.y, message.z)
+                    self._position_s = time_s
+            case mavlink.MAVLink_attitude_message():
+                if math.isfinite(message.yaw):
+                    self.yaw_rad = message.yaw
+            case mavlink.MAVLink_sys_status_message():
+                self.prearm_ok = bool(message.onboard_control_sensors_health & _PREARM_BIT)
+                self.unhealthy = _sensor_names(
+                    message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health & ~_PREARM_BIT
+                )
+                self.battery_percent = message.battery_remaining if message.battery_remaining >= 0 else None
+            case mavlink.MAVLink_extended_sys_state_message():
+                self.on_ground = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+
+    def rebooted(self, message: mavlink.MAVLink_message) -> bool:
+        """Whether this message's ``time_boot_ms`` has run back: the autopilot booted anew since the last one."""
+        boot_ms: int | None = getattr(message, "time_boot_ms", None)
+        if boot_ms is None:
+            return False
+        back = 0 if self._boot_ms is None else self._boot_ms - boot_ms
+        if back <= 0 or back >= _REBOOT_MS:
+            self._boot_ms = boot_ms
+        return _REBOOT_MS <= back < _WRAP_MS
+
+    def has_position(self, time_s: float) -> bool:
+        """Whether position and yaw are known and recent."""
+        return time_s - self._position_s <= _POSITION_TIMEOUT_S and self.yaw_rad is not None
+
+
+def _sensor_names(bits: int) -> tuple[str, ...]:
+    """MAV_SYS_STATUS_SENSOR bits in words."""
+    names = []
+    for bit in range(32):
+        if bits >> bit & 1:
+            entry = mavlink.enums["MAV_SYS_STATUS_SENSOR"].get(1 << bit)
+            name = entry.name if entry is not None else f"sensor bit {bit}"
+            names.append(name.removeprefix("MAV_SYS_STATUS_").removeprefix("SENSOR_").lower().replace("_", " "))
+    return tuple(names)
