@@ -15,6 +15,7 @@ import typer
 
 from gcs.experiment_command import experiment
 from gcs.plan_command import plan
+from gcs.version import program_version
 
 if TYPE_CHECKING:
     from onboard.config import Scenario
@@ -58,7 +59,7 @@ def main() -> None:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"arvi {_version()}")
+        typer.echo(f"arvi {program_version()}")
         raise typer.Exit
 
 
@@ -109,7 +110,9 @@ def fly(
 
     browser = DashboardOptions(dashboard, dashboard_host, dashboard_port)
     raise typer.Exit(
-        run_flight(config, scenario, duration, seed, record, json, _version(), headless=headless, dashboard=browser)
+        run_flight(
+            config, scenario, duration, seed, record, json, program_version(), headless=headless, dashboard=browser
+        )
     )
 
 
@@ -179,7 +182,9 @@ def gcs(
 
     browser = DashboardOptions(dashboard, dashboard_host, dashboard_port)
     raise typer.Exit(
-        run_station(config, scenario, duration, record, _version(), start=start, headless=headless, dashboard=browser)
+        run_station(
+            config, scenario, duration, record, program_version(), start=start, headless=headless, dashboard=browser
+        )
     )
 
 
@@ -227,15 +232,6 @@ def _refuse(text: str) -> NoReturn:
     """End because of what the user gave us."""
     sys.stderr.write(f"{text}\n")
     raise typer.Exit(EXIT_BAD_INPUT)
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("arvi-flight-stack")
-    except PackageNotFoundError:  # run from a source tree that was never installed
-        return "(not installed)"
 
 
 if __name__ == "__main__":

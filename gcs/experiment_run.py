@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 import os
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from rich.console import Console
@@ -20,14 +23,16 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from gcs.experiment_flight import fly_trial
 from gcs.output import open_console
+from gcs.version import program_version
 from onboard.errors import OnboardError
 from sim_bridge.errors import BridgeError
 from sim_bridge.experiments import figures, report, statistics
 from sim_bridge.experiments import snapshot as pictures
 from sim_bridge.experiments.loader import Experiment, load_experiment
-from sim_bridge.experiments.records import TrialKey, TrialTask, trial_seed
-from sim_bridge.experiments.run import connect, run_trials
+from sim_bridge.experiments.records import Failure, TrialKey, TrialTask, trial_seed
+from sim_bridge.experiments.run import Outcome, connect, run_trials
 from sim_bridge.experiments.store import ResultFolder
 
 __all__ = ["ExperimentOptions", "run_experiment"]
@@ -38,6 +43,8 @@ EXIT_INTERRUPTED = 130
 
 _FRAMES = 150
 """A film has at most so many."""
+
+OnProgress = Callable[[TrialKey, int], None]
 
 
 @dataclass(frozen=True)
@@ -103,7 +110,7 @@ def _tasks(experiment: Experiment, options: ExperimentOptions) -> list[TrialTask
         )
         for trial in range(options.trials or experiment.trials)
         for index, arm in enumerate(experiment.arms)
-        if not options.arms or arm.label in options.arms
+        if (not options.arms or arm.label in options.arms) and trial < arm.trials(trial + 1)
     ]
 
 
@@ -114,7 +121,7 @@ def _run(
     todo = [task for task in tasks if task.key not in done]
     if len(todo) < len(tasks):
         console.print(f"{len(tasks) - len(todo)} of {len(tasks)} trials are complete already", highlight=False)
-    failures: dict[TrialKey, str] = {}
+    failures: dict[TrialKey, Failure] = {}
     interrupted = False
     if todo:
         try:
@@ -123,9 +130,8 @@ def _run(
             interrupted = True
     store.write_failures(failures)
     _conclude(console, experiment, store)
-    for (arm, trial), text in sorted(failures.items()):
-        reason = text.strip().splitlines()[-1]
-        sys.stderr.write(f"trial {trial} of arm {experiment.arms[arm].label!r} crashed: {reason}\n")
+    for (arm, trial), failure in sorted(failures.items()):
+        sys.stderr.write(f"trial {trial} of arm {experiment.arms[arm].label!r} crashed: {failure.reason}\n")
     if failures:
         sys.stderr.write(f"tracebacks: {store.path / 'failures.json'}; --resume tries them again\n")
     if interrupted:
@@ -140,12 +146,13 @@ def _work(
     todo: list[TrialTask],
     store: ResultFolder,
     options: ExperimentOptions,
-    failures: dict[TrialKey, str],
+    failures: dict[TrialKey, Failure],
 ) -> None:
-    """Run what is missing, with a bar that counts steps."""
+    """Run what is missing, with a bar that counts steps; what is flown comes last, when the machine is calm."""
     steps_done: dict[TrialKey, int] = {}
-    workers = min(options.workers or os.cpu_count() or 1, len(todo))
-    with connect(workers, options.scheduler) as client, _progress(console) as progress:
+    flights = [task for task in todo if task.setting.harness == "processes"]
+    simulated = [task for task in todo if task.setting.harness != "processes"]
+    with _progress(console) as progress:
         trials = progress.add_task(experiment.name, total=len(todo))
         steps = progress.add_task("steps", total=sum(task.steps for task in todo))
 
@@ -153,13 +160,34 @@ def _work(
             steps_done[key] = max(steps_done.get(key, 0), done)
             progress.update(steps, completed=sum(steps_done.values()))
 
-        for outcome in run_trials(client, todo, on_progress):
+        for outcome in chain(
+            _simulated(simulated, options, on_progress), _flown(flights, store.path / "flights", on_progress)
+        ):
             if outcome.result is not None:
                 store.write(outcome.result)
-            else:
-                failures[outcome.key] = outcome.error or "no reason given"
+            if outcome.failure is not None:
+                failures[outcome.key] = outcome.failure
             on_progress(outcome.key, todo[0].steps)
             progress.advance(TaskID(trials))
+
+
+def _simulated(tasks: list[TrialTask], options: ExperimentOptions, on_progress: OnProgress) -> Iterator[Outcome]:
+    if tasks:
+        workers = min(options.workers or os.cpu_count() or 1, len(tasks))
+        with connect(workers, options.scheduler) as client:
+            yield from run_trials(client, tasks, on_progress)
+
+
+def _flown(tasks: list[TrialTask], folder: Path, on_progress: OnProgress) -> Iterator[Outcome]:
+    """One after the other, on this machine: they share the ports of a flight."""
+    for task in tasks:
+        place = folder / "-".join(map(str, task.key))
+        try:
+            result = fly_trial(task, place, program_version(), partial(on_progress, task.key))
+        except Exception as error:
+            yield Outcome(task.key, None, Failure.of(error))
+        else:
+            yield Outcome(task.key, result)
 
 
 def _progress(console: Console) -> Progress:
@@ -193,6 +221,8 @@ def _conclude(console: Console, experiment: Experiment, store: ResultFolder) -> 
 
 
 def _draw(console: Console, task: TrialTask, label: str, folder: Path, options: ExperimentOptions) -> None:
+    if task.setting.harness != "lockstep":
+        raise BridgeError(f"arm {label!r} is flown, not simulated in lock-step: choose another with --arm to draw it")
     target = folder / "figures"
     try:
         target.mkdir(parents=True, exist_ok=True)

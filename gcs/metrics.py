@@ -11,14 +11,13 @@ mean; ``rmse_m`` and ``entropy_nats`` are the means of these over the steps from
 
 from __future__ import annotations
 
-import bisect
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from gcs.errors import GroundError
+from gcs.target_truth import TargetTruths
 from onboard.clock import MissionClock
 from onboard.messages import Belief
 from onboard.protocol import dialect as mavlink
@@ -29,8 +28,6 @@ _SETTLE_S = 1.0
 """A step is evaluated this long after its time, when late beliefs and the truth on both sides of it have arrived."""
 
 _TRUTH_MEMORY_S = 5.0
-_TRUTH_MAX_GAP_S = 0.5
-"""A step further than this from the nearest truth has no error: the truth is not extrapolated."""
 
 
 class NotGaussianError(GroundError):
@@ -145,7 +142,7 @@ class EstimateMetrics:
         self._open: dict[int, dict[int, dict[int, Estimate]]] = {}
         self._evaluated_until: int | None = None
         self._latest: dict[int, dict[int, Estimate]] = {}
-        self._truth: dict[int, deque[tuple[float, float, float]]] = {}
+        self._truth = TargetTruths(_TRUTH_MEMORY_S)
         self._discovered_s: dict[int, float] = {}
         self._rmse_sum = 0.0
         self._rmse_steps = 0
@@ -161,7 +158,7 @@ class EstimateMetrics:
     @property
     def truth_targets(self) -> int:
         """How many targets the truth speaks of."""
-        return len(self._truth)
+        return len(self._truth.ids)
 
     def belief(self, belief: Belief) -> int | None:
         """Take a robot's belief; the target's id when this discovers it.
@@ -181,13 +178,7 @@ class EstimateMetrics:
 
     def truth(self, message: mavlink.MAVLink_target_truth_message) -> None:
         """Take a target's true position."""
-        samples = self._truth.setdefault(int(message.target_id), deque())
-        sample = (message.time_usec * 1e-6, message.north, message.east)
-        if samples and sample[0] <= samples[-1][0]:
-            return
-        samples.append(sample)
-        while sample[0] - samples[0][0] > _TRUTH_MEMORY_S:
-            samples.popleft()
+        self._truth.receive(message)
 
     def advance(self, unix_s: float) -> None:
         """Evaluate the steps that are over by this UNIX time."""
@@ -212,17 +203,16 @@ class EstimateMetrics:
     def targets(self, unix_s: float) -> tuple[TargetState, ...]:
         """All targets that beliefs or truth speak of, at this UNIX time."""
         states = []
-        for target in sorted({*self._truth, *self._discovered_s}):
+        for target in sorted({*self._truth.ids, *self._discovered_s}):
             estimates = self._latest.get(target, {})
             recent = [e for e in estimates.values() if unix_s - e.time_s < _SETTLE_S + 2.0 * self._clock.step_s]
-            samples = self._truth.get(target)
             states.append(
                 TargetState(
                     id=target,
                     discovered_s=self._discovered_s.get(target),
                     known_by=tuple(sorted(e.robot for e in recent)),
                     best=min(recent, key=lambda e: e.entropy_nats, default=None),
-                    truth=samples[-1][1:] if samples else None,
+                    truth=self._truth.latest(target),
                     estimates=tuple(sorted(recent, key=lambda e: e.robot)),
                 )
             )
@@ -232,7 +222,7 @@ class EstimateMetrics:
         squared, entropies = [], []
         for target, estimates in targets.items():
             entropies.append(sum(e.entropy_nats for e in estimates.values()) / len(estimates))
-            truth = self._truth_at(target, self._clock.time_of(step))
+            truth = self._truth.at(target, self._clock.time_of(step))
             if truth is not None:
                 errors = [(e.north_m - truth[0]) ** 2 + (e.east_m - truth[1]) ** 2 for e in estimates.values()]
                 squared.append(sum(errors) / len(errors))
@@ -245,19 +235,3 @@ class EstimateMetrics:
             self._rmse_sum += rmse
             self._rmse_steps += 1
         self._now = (rmse, entropy)
-
-    def _truth_at(self, target: int, time_s: float) -> tuple[float, float] | None:
-        """The true position at a time: interpolated between the samples around it, or the nearest at the ends."""
-        samples = self._truth.get(target)
-        if not samples:
-            return None
-        i = bisect.bisect_left(samples, time_s, key=lambda sample: sample[0])
-        after = samples[min(i, len(samples) - 1)]
-        before = samples[max(i - 1, 0)]
-        if min(abs(after[0] - time_s), abs(before[0] - time_s)) > _TRUTH_MAX_GAP_S:
-            return None
-        if not before[0] < time_s < after[0]:
-            nearest = min(before, after, key=lambda sample: abs(sample[0] - time_s))
-            return nearest[1], nearest[2]
-        share = (time_s - before[0]) / (after[0] - before[0])
-        return before[1] + share * (after[1] - before[1]), before[2] + share * (after[2] - before[2])

@@ -38,7 +38,7 @@ def run_flight_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _:
         BridgeError: The team did not get ready, or into the air in time.
     """
     begun_s, begun_cpu_s = time.perf_counter(), time.thread_time()
-    scenario = _scenario_of(task)
+    scenario = task.setting.simulated_scenario("experiment")
     nodes = task.setting.world.budget.nodes or 1
     team = VirtualTeam(scenario, seed=task.seed, plan_nodes=max(1, nodes // len(scenario.vehicles)))
     start_s = _take_off(team, scenario)
@@ -75,14 +75,6 @@ def run_flight_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _:
         cpu_s=time.thread_time() - begun_cpu_s,
         peak_memory_bytes=peak_memory_bytes(),
     )
-
-
-def _scenario_of(task: TrialTask) -> Scenario:
-    scenario = task.setting.scenario("experiment")
-    if scenario.simulation is None:
-        raise BridgeError("harness: flight_stack needs the section simulation")
-    robots = scenario.simulation.ground_robots.model_copy(update={"count": task.setting.world.truth.count})
-    return scenario.model_copy(update={"simulation": scenario.simulation.model_copy(update={"ground_robots": robots})})
 
 
 def _take_off(team: VirtualTeam, scenario: Scenario) -> float:

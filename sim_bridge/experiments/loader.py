@@ -33,11 +33,17 @@ class Arm:
         label: Its name.
         value: Of the swept quantity; None for a category.
         setting: What its trials depend on.
+        max_trials: It has no more trials than that; None for as many as are asked for.
     """
 
     label: str
     value: float | None
     setting: Setting
+    max_trials: int | None = None
+
+    def trials(self, asked: int) -> int:
+        """How many trials it has when so many are asked for."""
+        return asked if self.max_trials is None else min(asked, self.max_trials)
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,7 @@ def load_experiment(path: Path) -> Experiment:
         view = _ArmView(file, index, tuple(arm.changes))
         setting = _validated(view, Setting, data)
         _check_planner(view, setting, arm.label)
-        arms.append(Arm(arm.label, arm.value, setting))
+        arms.append(Arm(arm.label, arm.value, setting, arm.trials))
     return Experiment(
         name=parsed.name,
         question=parsed.question,

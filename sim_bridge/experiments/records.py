@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,16 @@ import numpy as np
 from sim_bridge.experiments.schema import Setting
 from sim_bridge.lockstep.figures_of_merit import FiguresOfMerit
 
-__all__ = ["STEP_COLUMNS", "StepColumns", "TrialKey", "TrialResult", "TrialTask", "peak_memory_bytes", "trial_seed"]
+__all__ = [
+    "STEP_COLUMNS",
+    "Failure",
+    "StepColumns",
+    "TrialKey",
+    "TrialResult",
+    "TrialTask",
+    "peak_memory_bytes",
+    "trial_seed",
+]
 
 STEP_COLUMNS: dict[str, type] = {
     "step": int,
@@ -84,6 +94,25 @@ class TrialResult:
     wall_s: float
     cpu_s: float
     peak_memory_bytes: int
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a trial crashed.
+
+    Attributes:
+        reason: In a line.
+        details: Traceback.
+    """
+
+    reason: str
+    details: str
+
+    @classmethod
+    def of(cls, error: BaseException) -> Failure:
+        """The failure that an exception was."""
+        name, text = type(error).__name__, str(error).strip()
+        return cls(f"{name}: {text.splitlines()[0]}" if text else name, "".join(traceback.format_exception(error)))
 
 
 @dataclass

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import time
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,7 @@ from distributed import Client, LocalCluster, as_completed, get_worker
 
 from onboard.planning.warmup import warm_kernels
 from sim_bridge.errors import BridgeError
-from sim_bridge.experiments.records import TrialKey, TrialResult, TrialTask
+from sim_bridge.experiments.records import Failure, TrialKey, TrialResult, TrialTask
 from sim_bridge.experiments.trial import run_trial
 
 __all__ = ["Outcome", "connect", "run_trials"]
@@ -32,12 +31,12 @@ class Outcome:
     Attributes:
         key: Arm and trial.
         result: What came out; None if it crashed.
-        error: Traceback, if it crashed.
+        failure: Why it crashed, if it did.
     """
 
     key: TrialKey
     result: TrialResult | None
-    error: str | None
+    failure: Failure | None = None
 
 
 @contextlib.contextmanager
@@ -111,9 +110,9 @@ def run_trials(
             submit()
             error = future.exception()
             if error is None:
-                yield Outcome(task.key, future.result(), None)
+                yield Outcome(task.key, future.result())
             else:
-                yield Outcome(task.key, None, "".join(traceback.format_exception(error)))
+                yield Outcome(task.key, None, Failure.of(error))
             future.release()
     finally:
         client.cancel(list(futures), force=True)

@@ -87,10 +87,11 @@ class Setting(Section):
     team: TeamConfig | None = Field(default=None, description="instead of vehicles")
     vehicles: tuple[VehicleConfig, ...] | None = None
     simulation: SimulationConfig | None = None
-    harness: Literal["lockstep", "flight_stack"] = Field(
+    harness: Literal["lockstep", "flight_stack", "processes"] = Field(
         default="lockstep",
-        description="flight_stack: companions, MAVLink and simulated autopilots in virtual time; it takes the "
-        "number of targets and the budget from world, the rest from simulation",
+        description="flight_stack: companions, MAVLink and simulated autopilots in virtual time; processes: the same "
+        "in real time, as `arvi fly` starts them. Both take the number of targets and the budget from world, the rest "
+        "from simulation",
     )
     world: WorldConfig
 
@@ -98,11 +99,18 @@ class Setting(Section):
     def _is_a_scenario(self) -> Self:
         if self.team is None and self.vehicles is None:
             raise ValueError("team: is missing (a number of robots), and no vehicles are given instead")
-        if self.harness == "flight_stack":
-            if self.simulation is None:
-                raise ValueError("harness: flight_stack needs the section simulation")
-            if self.world.budget.nodes is None or self.planner.use != "arvi":
-                raise ValueError("harness: flight_stack runs in virtual time, with planner arvi and world.budget.nodes")
+        if self.harness != "lockstep" and self.simulation is None:
+            raise ValueError(f"harness: {self.harness} needs the section simulation")
+        budget = self.world.budget
+        if self.harness == "flight_stack" and (budget.nodes is None or self.planner.use != "arvi"):
+            raise ValueError("harness: flight_stack runs in virtual time, with planner arvi and world.budget.nodes")
+        if self.harness == "processes" and (
+            (budget.nodes, budget.time_s, budget.clock) != (None, self.mission.planning_time_s, "wall")
+        ):
+            raise ValueError(
+                "harness: processes plan as long as mission.planning_time_s says; world.budget has to say so, too: "
+                f"{{time_s: {self.mission.planning_time_s:g}, clock: wall}}"
+            )
         self.scenario("experiment")
         return self
 
@@ -119,11 +127,23 @@ class Setting(Section):
             }
         )
 
+    def simulated_scenario(self, name: str) -> Scenario:
+        """The setting as a scenario that can be flown in simulation, with the targets that ``world`` asks for."""
+        scenario = self.scenario(name)
+        if scenario.simulation is None:
+            raise ValueError("there is no section simulation")
+        robots = scenario.simulation.ground_robots.model_copy(update={"count": self.world.truth.count})
+        simulation = scenario.simulation.model_copy(update={"ground_robots": robots})
+        return scenario.model_copy(update={"simulation": simulation})
+
 
 class ArmConfig(Section):
     """One variant of the setting."""
 
     label: Label
+    trials: Annotated[int, Field(ge=1)] | None = Field(
+        default=None, description="at most so many, whatever the command line says; null for the experiment's number"
+    )
     value: float | None = Field(default=None, description="of the swept quantity, for an axis; null for a category")
     changes: dict[str, Any] = Field(default_factory=dict, description="key path in the setting: its value in this arm")
 

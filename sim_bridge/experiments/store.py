@@ -28,7 +28,7 @@ import pyarrow.parquet as pq
 
 from sim_bridge.errors import BridgeError
 from sim_bridge.experiments.loader import Experiment
-from sim_bridge.experiments.records import STEP_COLUMNS, TrialKey, TrialResult, trial_seed
+from sim_bridge.experiments.records import STEP_COLUMNS, Failure, TrialKey, TrialResult, trial_seed
 
 __all__ = ["ResultFolder", "StoreError"]
 
@@ -91,15 +91,15 @@ class ResultFolder:
         _write_text(self._machine_file(result.key), json.dumps(machine) + "\n")
         _write_table(self._steps_file(result.key), pa.table(columns, schema=_SCHEMA))
 
-    def write_failures(self, failures: Mapping[TrialKey, str]) -> None:
+    def write_failures(self, failures: Mapping[TrialKey, Failure]) -> None:
         """Keep what crashed; an empty list removes the file."""
         path = self.path / "failures.json"
         if not failures:
             path.unlink(missing_ok=True)
             return
         rows = [
-            {"arm": self._experiment.arms[arm].label, "trial": trial, "error": text}
-            for (arm, trial), text in sorted(failures.items())
+            {"arm": self._experiment.arms[arm].label, "trial": trial, "error": failure.details}
+            for (arm, trial), failure in sorted(failures.items())
         ]
         _write_text(path, json.dumps(rows, indent=2) + "\n")
 
@@ -162,7 +162,12 @@ def _manifest(experiment: Experiment, trials: int, steps: int) -> dict[str, Any]
         "seed": experiment.seed,
         "trial_seeds": [trial_seed(experiment.seed, trial) for trial in range(trials)],
         "arms": [
-            {"label": arm.label, "value": arm.value, "setting": arm.setting.model_dump(mode="json")}
+            {
+                "label": arm.label,
+                "value": arm.value,
+                "trials": arm.trials(trials),
+                "setting": arm.setting.model_dump(mode="json"),
+            }
             for arm in experiment.arms
         ],
         "versions": {name: _version(name) for name in _PACKAGES},
@@ -173,12 +178,14 @@ def _manifest(experiment: Experiment, trials: int, steps: int) -> dict[str, Any]
 
 
 def _check_same(path: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
-    """Refuse to mix results of two configurations; more trials of the same are welcome.
+    """Refuse to mix results of two configurations; other numbers of trials of the same are welcome.
 
     Raises:
         StoreError: Something that results depend on has changed.
     """
     now, before = json.loads(json.dumps(now)), dict(before)
+    for manifest in (now, before):
+        manifest["arms"] = [{**arm, "trials": None} for arm in manifest["arms"]]
     changed = [
         key for key in ("experiment", "steps", "seed", "arms", "versions", "commit") if before.get(key) != now[key]
     ]

@@ -48,7 +48,7 @@ def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) 
     """Run a trial from start to end, in the harness of its setting.
 
     Args:
-        task: Which.
+        task: Which; its harness is not ``processes``, which only a ground station can fly.
         on_step: Called after each step with how many are done.
 
     Raises:

@@ -2,8 +2,9 @@
 
 import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from distributed import Client, LocalCluster
@@ -11,6 +12,8 @@ from typer.testing import CliRunner
 
 from gcs import experiment_command, experiment_run
 from gcs.cli import app
+from gcs.errors import GroundError
+from sim_bridge.experiments.records import STEP_COLUMNS, TrialResult, TrialTask
 
 BROKEN = """
 class Broken:
@@ -41,8 +44,23 @@ def threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(experiment_run, "connect", connect)
 
 
+@pytest.fixture
+def flights(monkeypatch: pytest.MonkeyPatch) -> list[TrialTask]:
+    """Flights that end at once with one known target, instead of real ones; and which were asked for."""
+    flown: list[TrialTask] = []
+
+    def fly_trial(task: TrialTask, folder: Path, version: str, on_step: Callable[[int], None]) -> TrialResult:
+        flown.append(task)
+        on_step(task.steps)
+        columns = {name: [kind(step) for step in range(task.steps)] for name, kind in STEP_COLUMNS.items()}
+        return TrialResult(task.key, columns, [0.1], wall_s=1.0, cpu_s=1.0, peak_memory_bytes=1)
+
+    monkeypatch.setattr(experiment_run, "fly_trial", fly_trial)
+    return flown
+
+
 @pytest.mark.usefixtures("threads")
-def test_a_tiny_experiment_from_end_to_end(lab: Path, tmp_path: Path) -> None:
+def test_a_tiny_experiment_from_end_to_end(lab: Path, tmp_path: Path, flights: list[TrialTask]) -> None:
     out = tmp_path / "run"
     result = CliRunner().invoke(app, ["experiment", str(lab), *SMALL, "--out", str(out)])
     assert result.exit_code == 0, result.output
@@ -57,7 +75,10 @@ def test_a_tiny_experiment_from_end_to_end(lab: Path, tmp_path: Path) -> None:
         "second-order motion",
         "flight stack in virtual time",
         "no communication",
+        "lock-step, T_ARVI = 0.5 s",
+        "flown by processes",
     ]
+    assert [(task.arm, task.trial, task.steps) for task in flights] == [(5, 0, 4)]
     before = (out / "steps.parquet").read_bytes()
 
     again = CliRunner().invoke(app, ["experiment", str(lab), *SMALL, "--out", str(out)])
@@ -66,11 +87,12 @@ def test_a_tiny_experiment_from_end_to_end(lab: Path, tmp_path: Path) -> None:
     (out / "trials" / "001-0000.parquet").unlink()
     resumed = CliRunner().invoke(app, ["experiment", str(lab), *SMALL, "--out", str(out), "--resume"])
     assert resumed.exit_code == 0
-    assert "3 of 4 trials are complete already" in resumed.output
+    assert "5 of 6 trials are complete already" in resumed.output
+    assert len(flights) == 1, "nothing is flown twice"
     assert (out / "steps.parquet").read_bytes() == before
 
 
-@pytest.mark.usefixtures("threads")
+@pytest.mark.usefixtures("threads", "flights")
 def test_a_crash_is_reported_and_costs_one_arm(lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "broken_planner.py").write_text(BROKEN, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -88,7 +110,40 @@ def test_a_crash_is_reported_and_costs_one_arm(lab: Path, tmp_path: Path, monkey
         "ideal motion",
         "flight stack in virtual time",
         "no communication",
+        "lock-step, T_ARVI = 0.5 s",
+        "flown by processes",
     ]
+
+
+def test_an_arm_has_no_more_trials_than_it_says(lab: Path, tmp_path: Path, flights: list[TrialTask]) -> None:
+    arguments = ["experiment", str(lab), "--arm", "flown by processes", "--steps", "4", "--out", str(tmp_path / "run")]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert [task.trial for task in flights] == [0, 1, 2], "the experiment has ten"
+
+
+def test_a_flight_that_fails_is_reported_and_the_others_are_flown(
+    lab: Path, tmp_path: Path, flights: list[TrialTask], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    good = experiment_run.fly_trial
+
+    def second_fails(task: TrialTask, *arguments: Any) -> TrialResult:
+        if task.trial == 1:
+            raise GroundError("UDP port 14550 is in use\nIs a second copy running?")
+        return good(task, *arguments)
+
+    monkeypatch.setattr(experiment_run, "fly_trial", second_fails)
+    arguments = ["experiment", str(lab), "--arm", "flown by processes", "--steps", "4", "--out", str(tmp_path / "run")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 1
+    assert "trial 1 of arm 'flown by processes' crashed: GroundError: UDP port 14550 is in use" in result.stderr
+    assert [task.trial for task in flights] == [0, 2]
+
+
+def test_only_lock_step_is_drawn(lab: Path, tmp_path: Path) -> None:
+    arguments = ["experiment", str(lab), "--arm", "flown by processes", "--snapshot", "1", "--out", str(tmp_path / "r")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert "is flown, not simulated in lock-step" in result.stderr
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,12 @@ def test_a_scenario_is_what_the_setting_starts_from() -> None:
         ("arm: all", "arm: every", 22, r"comparisons\[0\].arm: no arm has this label; there are none, all"),
         ("  team: {robots: 3}\n", "", 7, r"team: is missing"),
         ("value: 30.0", "changes: {harness: flight_stack}", 20, r"harness: flight_stack needs the section simulation"),
+        ("value: 30.0", "changes: {harness: processes}", 20, r"harness: processes needs the section simulation"),
+        (
+            "value: 30.0", "changes: {harness: processes, simulation: {ground_robots: {count: 1}}}", 20,
+            r"harness: processes plan as long as .*time_s: 0.5, clock: wall",
+        ),
+        ("value: 30.0", "trials: 0", 20, r"arms\[1\].trials: 0 should be greater"),
         ("value: 30.0", "changes: {planner: arvy}", 20, r"planner.use: planner 'arvy': give package.module:Class"),
     ],
 )  # fmt: skip

@@ -86,14 +86,14 @@ def test_a_trial_that_crashes_is_reported_and_the_others_are_kept(
     outcomes = {
         outcome.key: outcome for outcome in run_trials(make_client(2), tasks_of(experiment), lambda _key, _steps: None)
     }
-    assert {key for key, outcome in outcomes.items() if outcome.error is None} == {(0, 0), (0, 1)}
+    assert {key for key, outcome in outcomes.items() if outcome.failure is None} == {(0, 0), (0, 1)}
     for key in ((1, 0), (1, 1)):
-        error = outcomes[key].error
-        assert error is not None
-        assert "RuntimeError: out of ideas" in error
-        assert "crashing_planner.py" in error
+        failure = outcomes[key].failure
+        assert failure is not None
+        assert failure.reason == "RuntimeError: out of ideas"
+        assert "crashing_planner.py" in failure.details
     store = folder_of(experiment, tmp_path / "run")
-    store.write_failures({key: outcome.error for key, outcome in outcomes.items() if outcome.error is not None})
+    store.write_failures({key: outcome.failure for key, outcome in outcomes.items() if outcome.failure is not None})
     assert "out of ideas" in (tmp_path / "run" / "failures.json").read_text(encoding="utf-8")
     store.write_failures({})
     assert not (tmp_path / "run" / "failures.json").exists()
