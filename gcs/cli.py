@@ -7,6 +7,7 @@ Heavy parts (kernels, the MAVLink dialect) are imported inside the commands, so 
 from __future__ import annotations
 
 import math
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -18,15 +19,24 @@ from gcs.plan_command import plan
 from gcs.version import program_version
 
 if TYPE_CHECKING:
+    from gcs.run import RecordingOptions
     from onboard.config import Scenario
 
 __all__ = ["app", "main"]
 
 EXIT_BAD_INPUT = 2
 
+_FLIGHTS = Path("flights")
+"""Where flights are recorded unless told otherwise."""
+
 Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Scenario file, e.g. configs/lab.yaml.")]
 Record = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Record every link as .tlog, and all logs, in a new folder in DIR.")
+    Path | None,
+    typer.Option(metavar="DIR", show_default="flights", help="Record the flight in a new folder in DIR."),
+]
+NoRecord = Annotated[bool, typer.Option("--no-record", help="Record nothing.")]
+RecordLimit = Annotated[
+    int, typer.Option(metavar="MB", min=1, help="Stop the recording, not the flight, at about this size.")
 ]
 Headless = Annotated[bool, typer.Option("--headless", help="Lines of text instead of the live picture.")]
 
@@ -79,6 +89,8 @@ def fly(
     seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Instead of simulation.seed.")] = None,
     headless: Headless = False,
     record: Record = None,
+    no_record: NoRecord = False,
+    record_limit: RecordLimit = 2000,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the summary as JSON.")] = None,
     dashboard: Dashboard = None,
     dashboard_port: DashboardPort = 5006,
@@ -96,7 +108,8 @@ def fly(
 
     - `arvi fly configs/lab.yaml --duration 60 --seed 7 --headless --json result.json`: for scripts
 
-    - `arvi fly configs/lab.yaml --record flights`: keeps .tlog files for QGroundControl or MAVProxy
+    The flight is recorded in flights/NAME-DATE-TIME: .tlog for QGroundControl or MAVProxy, MCAP for Foxglove or
+    Lichtblick.
 
     Exits with 0 when all landed, 1 when something failed in flight, 2 for bad input or ports in use.
     """
@@ -108,10 +121,11 @@ def fly(
     from gcs.dashboard.start import DashboardOptions
     from gcs.run import run_flight
 
+    recording = _recording(record, record_limit, wanted=not no_record)
     browser = DashboardOptions(dashboard, dashboard_host, dashboard_port)
     raise typer.Exit(
         run_flight(
-            config, scenario, duration, seed, record, json, program_version(), headless=headless, dashboard=browser
+            config, scenario, duration, seed, recording, json, program_version(), headless=headless, dashboard=browser
         )
     )
 
@@ -160,6 +174,8 @@ def gcs(
     ] = None,
     headless: Headless = False,
     record: Record = None,
+    no_record: NoRecord = False,
+    record_limit: RecordLimit = 2000,
     dashboard: Dashboard = None,
     dashboard_port: DashboardPort = 5006,
     dashboard_host: DashboardHost = "127.0.0.1",
@@ -172,7 +188,7 @@ def gcs(
 
     - `arvi gcs configs/lab.yaml`: watches
 
-    - `arvi gcs configs/lab.yaml --start --duration 120 --record flights`: flies the team
+    - `arvi gcs configs/lab.yaml --start --duration 120`: flies the team
     """
     if duration is not None and not start:
         _refuse("--duration needs --start: a station that only watches does not end a flight")
@@ -180,10 +196,11 @@ def gcs(
     from gcs.dashboard.start import DashboardOptions
     from gcs.run import run_station
 
+    recording = _recording(record, record_limit, wanted=not no_record)
     browser = DashboardOptions(dashboard, dashboard_host, dashboard_port)
     raise typer.Exit(
         run_station(
-            config, scenario, duration, record, program_version(), start=start, headless=headless, dashboard=browser
+            config, scenario, duration, recording, program_version(), start=start, headless=headless, dashboard=browser
         )
     )
 
@@ -226,6 +243,19 @@ def _load(config: Path) -> Scenario:
         return load_scenario(config)
     except ConfigError as error:
         _refuse(str(error))
+
+
+def _recording(record: Path | None, limit_mb: int, *, wanted: bool) -> RecordingOptions:
+    """Where to record; nowhere, with a word about it, when nobody has said where and this folder cannot be written."""
+    from gcs.run import RecordingOptions
+
+    if record is not None and not wanted:
+        _refuse("--record and --no-record exclude each other")
+    parent = (record or _FLIGHTS) if wanted else None
+    if parent is _FLIGHTS and not os.access(parent if parent.exists() else Path.cwd(), os.W_OK):
+        sys.stderr.write(f"the flight is not recorded: {Path.cwd()} cannot be written to (try --record DIR)\n")
+        parent = None
+    return RecordingOptions(parent, limit_mb)
 
 
 def _refuse(text: str) -> NoReturn:

@@ -14,12 +14,13 @@ from typing import Any
 
 from gcs import summary
 from gcs.errors import GroundError
-from gcs.folder import describe_run, run_folder
+from gcs.folder import run_folder
 from gcs.mission import MissionDirector, Phase
 from gcs.operator_desk import OperatorDesk
 from gcs.ports import check_free, needed_ports
 from gcs.preflight import check_simulation
-from gcs.recorder import Recorder
+from gcs.recording.display import RecordedDisplay
+from gcs.recording.recorder import DEFAULT_LIMIT_MB, Recorder, record_flight
 from gcs.session import Display, StopRequests, run_session
 from gcs.station import GroundStation
 from gcs.supervisor import ChildExit, Supervisor, tail
@@ -72,6 +73,7 @@ class FlightOptions:
         seed: Of the simulation.
         record: Folder for recordings; None records nothing.
         version: Of this program.
+        record_limit_mb: The recording stops at about this size, MB.
     """
 
     config: Path
@@ -80,6 +82,7 @@ class FlightOptions:
     seed: int
     record: Path | None
     version: str
+    record_limit_mb: int = DEFAULT_LIMIT_MB
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,16 +157,14 @@ class _Flight:
         self._bridge_ended = False
         self._incomplete = False
         self._director = MissionDirector(mission.step_s, mission.takeoff_time_s, options.duration_s)
-        self._recorder = Recorder(folder) if options.record is not None else None
+        self._names = {f"vehicle{vehicle.id}": vehicle.id for vehicle in options.scenario.vehicles}
+        self._recorder = self._begin_recording() if options.record is not None else None
         self._station = GroundStation(options.scenario, director=self._director, recorder=self._recorder, desk=desk)
         self._supervisor = Supervisor(folder, self._child_ended)
-        self._names = {f"vehicle{vehicle.id}": vehicle.id for vehicle in options.scenario.vehicles}
         self._launched_s = 0.0
 
     async def run(self) -> FlightResult:
         """Warm up, fly, stop everything, summarize."""
-        if self._recorder is not None:
-            describe_run(self._folder, self._options.config, self._about())
         if not await self._warm_up():
             return FlightResult(None, tuple(self._problems), self._folder)
         cpu, own_cpu, started = _cpu_s(), time.process_time(), time.monotonic()
@@ -193,6 +194,20 @@ class _Flight:
         if self._recorder is not None:
             self._keep(result)
         return FlightResult(result, tuple(self._problems), self._folder)
+
+    def _begin_recording(self) -> Recorder | None:
+        """None when nothing can be written: a full disk never keeps a team on the ground."""
+        options = self._options
+        try:
+            recorder = record_flight(
+                self._folder, options.config, options.scenario, self._about(), options.record_limit_mb
+            )
+        except GroundError as error:
+            self._say(mavlink.MAV_SEVERITY_WARNING, f"the flight is not recorded: {error}")
+            return None
+        self._display = RecordedDisplay(self._display, recorder)
+        self._say(mavlink.MAV_SEVERITY_INFO, f"recording to {self._folder}")
+        return recorder
 
     async def _warm_up(self) -> bool:
         """Compile the kernels once, before several processes need them at a time; whether that went well."""

@@ -6,27 +6,43 @@ import asyncio
 import math
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from gcs import summary
 from gcs.dashboard.start import DashboardOptions, OpenDashboard, open_dashboard
 from gcs.errors import GroundError
-from gcs.folder import describe_run, run_folder
+from gcs.folder import run_folder
 from gcs.launcher import FlightOptions, fly
 from gcs.mission import MissionDirector
 from gcs.operator_desk import OperatorDesk
 from gcs.output import open_console
-from gcs.recorder import Recorder
+from gcs.recording.display import RecordedDisplay
+from gcs.recording.recorder import record_flight
 from gcs.session import Display, StopRequests, run_session
 from gcs.station import GroundStation
 from gcs.terminal import open_display
 from onboard.config import Scenario
 from onboard.errors import OnboardError
 
-__all__ = ["run_flight", "run_station"]
+__all__ = ["RecordingOptions", "run_flight", "run_station"]
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingOptions:
+    """Whether and where a flight is recorded.
+
+    Attributes:
+        parent: Each flight gets a new folder in it; None records nothing.
+        limit_mb: A recording stops at about this size, MB.
+    """
+
+    parent: Path | None
+    limit_mb: int
 
 
 def run_flight(
@@ -34,7 +50,7 @@ def run_flight(
     scenario: Scenario,
     duration_s: float,
     seed: int | None,
-    record: Path | None,
+    recording: RecordingOptions,
     json_path: Path | None,
     version: str,
     *,
@@ -48,7 +64,7 @@ def run_flight(
         scenario: What it says.
         duration_s: From step 0 to landing, s.
         seed: Of the simulation; None takes the scenario's.
-        record: Folder for recordings.
+        recording: Whether and where it is recorded.
         json_path: File for the summary.
         version: Of this program.
         headless: Print lines, draw nothing.
@@ -62,8 +78,9 @@ def run_flight(
         scenario=scenario,
         duration_s=duration_s,
         seed=seed if seed is not None else simulated.seed if simulated is not None else 0,
-        record=record,
+        record=recording.parent,
         version=version,
+        record_limit_mb=recording.limit_mb,
     )
     title = f"arvi · {scenario.name} · seed {options.seed}"
     try:
@@ -89,7 +106,7 @@ def run_station(
     config: Path,
     scenario: Scenario,
     duration_s: float | None,
-    record: Path | None,
+    recording: RecordingOptions,
     version: str,
     *,
     start: bool,
@@ -102,7 +119,7 @@ def run_station(
         config: The scenario's file.
         scenario: What it says.
         duration_s: From step 0 to landing, s; None flies until stopped.
-        record: Folder for recordings.
+        recording: Whether and where it is recorded.
         version: Of this program.
         start: Start and land the team; otherwise only watch.
         headless: Print lines, draw nothing.
@@ -116,22 +133,34 @@ def run_station(
         limit_s = math.inf if duration_s is None else duration_s
         director = MissionDirector(mission.step_s, mission.takeoff_time_s, limit_s)
     try:
-        with run_folder(record, scenario.name) as folder:
-            folder.keep = record is not None
+        with run_folder(recording.parent, scenario.name) as folder:
+            folder.keep = False
             recorder = None
-            if record is not None:
-                describe_run(folder.path, config, {"scenario": scenario.name, "version": version})
-                recorder = Recorder(folder.path)
+            if recording.parent is not None:
+                about = {"scenario": scenario.name, "version": version}
+                try:
+                    recorder = record_flight(folder.path, config, scenario, about, recording.limit_mb)
+                    console.print(f"recording to {folder.path}", highlight=False, soft_wrap=True)
+                except GroundError as error:
+                    console.print(f"nothing is recorded: {error}", style="yellow", soft_wrap=True)
             station = GroundStation(scenario, director=director, recorder=recorder, desk=desk)
+
+            def opened() -> None:
+                folder.keep = recorder is not None
+
             title = f"arvi · {scenario.name}"
             with (
                 open_dashboard(dashboard, scenario, desk, console, headless=headless) as browser,
                 open_display(console, scenario, _titled(title, browser), headless=headless) as terminal,
             ):
                 display = browser.beside(terminal) if browser is not None else terminal
-                reason = asyncio.run(_watch(station, display))
+                if recorder is not None:
+                    display = RecordedDisplay(display, recorder)
+                reason = asyncio.run(_watch(station, display, opened))
             if recorder is not None:
                 recorder.close()
+                for warning in recorder.take_warnings():
+                    console.print(warning, style="yellow", soft_wrap=True)
                 console.print(f"recording: {folder.path}", highlight=False, soft_wrap=True)
     except (GroundError, OnboardError) as error:
         sys.stderr.write(f"{error}\n")
@@ -145,9 +174,10 @@ def _titled(title: str, dashboard: OpenDashboard | None) -> str:
     return title if dashboard is None else f"{title} · {dashboard.url}"
 
 
-async def _watch(station: GroundStation, display: Display) -> str | None:
+async def _watch(station: GroundStation, display: Display, opened: Callable[[], None]) -> str | None:
     stop = StopRequests()
     await station.open()
+    opened()
     try:
         with stop.listening():
             return await run_session(station, display, stop, time.time)

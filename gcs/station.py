@@ -9,7 +9,7 @@ from collections.abc import Callable
 from gcs.commands import AUTOPILOT, ONBOARD, describe
 from gcs.mission import UNHURRIED, MissionDirector
 from gcs.operator_desk import Action, OperatorDesk, Order
-from gcs.recorder import Recorder
+from gcs.recording.recorder import Recorder
 from gcs.team import TeamMonitor
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink

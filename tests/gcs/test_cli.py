@@ -156,6 +156,7 @@ def test_a_station_alone_watches_records_and_stops_on_ctrl_c(own_ports, tmp_path
         text=True,
     )
     with process:
+        assert process.stdout.readline().startswith("recording to ")
         assert "watching" in process.stdout.readline()
         time.sleep(0.1)
         process.send_signal(2)

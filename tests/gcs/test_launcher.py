@@ -85,7 +85,7 @@ async def test_a_flight_from_launch_to_summary(own_ports, tmp_path):
     assert result.summary["cpu_cores"] > 0.0
     assert set(result.summary["cpu_s"]) == {"ground", "bridge", "vehicle1", "vehicle2"}
     names = {path.name for path in result.folder.iterdir()}
-    assert names >= {"scenario.yaml", "flight.json", "summary.json", "bridge.tlog", "bridge.log"}
+    assert names >= {"scenario.yaml", "flight.json", "summary.json", "flight.mcap", "bridge.tlog", "bridge.log"}
     assert {f"vehicle{i}_{part}" for i in (1, 2) for part in ("autopilot.tlog", "onboard.tlog")} <= names
     assert json.loads((result.folder / "flight.json").read_text())["seed"] == 7
     assert json.loads((result.folder / "summary.json").read_text()) == result.summary

@@ -4,7 +4,7 @@ import pytest
 
 from gcs.mission import HURRIED, MissionDirector, Phase
 from gcs.operator_desk import Action, Order, Outcome
-from gcs.recorder import Recorder
+from gcs.recording.recorder import Recorder
 from gcs.station import GroundStation
 from onboard.config import load_scenario
 from onboard.messages import FlightState

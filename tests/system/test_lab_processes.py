@@ -86,11 +86,11 @@ def is_alive(pid: int) -> bool:
 
 
 @pytest.fixture
-def start() -> Iterator[Callable[..., Team]]:
+def start(tmp_path: Path) -> Iterator[Callable[..., Team]]:
     teams: list[Team] = []
 
     def run(*arguments: str) -> Team:
-        teams.append(Team(*arguments))
+        teams.append(Team("--record", str(tmp_path / "flights"), *arguments))
         return teams[-1]
 
     yield run
@@ -109,7 +109,7 @@ def start() -> Iterator[Callable[..., Team]]:
 
 def test_the_team_finds_all_targets_and_lands(start: Callable[..., Team], tmp_path: Path) -> None:
     summary_file = tmp_path / "summary.json"
-    team = start("--duration", "60", "--json", str(summary_file), "--record", str(tmp_path / "flights"))
+    team = start("--duration", "60", "--json", str(summary_file))
     assert team.finish(240.0) == 0, "".join(team.lines)
     summary = json.loads(summary_file.read_text())
     print(json.dumps(summary, indent=1))
@@ -137,7 +137,7 @@ def test_a_killed_onboard_process_harms_only_itself_and_ctrl_c_lands_the_others(
     assert len(children) == 4
 
     second = subprocess.run(
-        [sys.executable, "-m", "gcs", "fly", SCENARIO, "--headless"],
+        [sys.executable, "-m", "gcs", "fly", SCENARIO, "--headless", "--no-record"],
         capture_output=True,
         text=True,
         timeout=60,

@@ -26,7 +26,10 @@ class Fly:
 
     def __init__(self, config: Path) -> None:
         self.config = config
-        command = [sys.executable, "-m", "gcs", "fly", str(config), "--headless", "--dashboard", "--duration", "120"]
+        command = [
+            *(sys.executable, "-m", "gcs", "fly", str(config), "--headless", "--dashboard", "--duration", "120"),
+            *("--record", str(config.parent / "flights")),
+        ]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         self.lines: list[str] = []
         self._reader = threading.Thread(target=self._read, daemon=True)
