@@ -32,6 +32,8 @@ from onboard.protocol import dialect as mavlink
 __all__ = ["FlightOptions", "FlightResult", "Programs", "fly"]
 
 _READY_PATIENCE_S = 60.0
+_EXTERNAL_READY_PATIENCE_S = 150.0
+"""Real autopilots take half a minute and more until their estimators have settled."""
 _STOP_GRACE_S = 2.5
 _WARM_UP_QUIET_S = 1.5
 _BRIDGE = "bridge"
@@ -162,6 +164,8 @@ class _Flight:
         self._station = GroundStation(options.scenario, director=self._director, recorder=self._recorder, desk=desk)
         self._supervisor = Supervisor(folder, self._child_ended)
         self._launched_s = 0.0
+        external = any(vehicle.external is not None for vehicle in options.scenario.vehicles)
+        self._patience_s = _EXTERNAL_READY_PATIENCE_S if external else _READY_PATIENCE_S
 
     async def run(self) -> FlightResult:
         """Warm up, fly, stop everything, summarize."""
@@ -269,9 +273,9 @@ class _Flight:
             return "the team is not complete, so nobody takes off"
         if self._stop.count:
             return "stopped before takeoff"
-        if time.monotonic() - self._launched_s > _READY_PATIENCE_S:
+        if time.monotonic() - self._launched_s > self._patience_s:
             missing = [v.id for v in team.vehicles if v.flight_state is not FlightState.STANDBY]
-            return f"not ready within {_READY_PATIENCE_S:.0f} s: vehicles {', '.join(map(str, missing))}"
+            return f"not ready within {self._patience_s:.0f} s: vehicles {', '.join(map(str, missing))}"
         return None
 
     def _find_faults(self) -> None:

@@ -57,8 +57,13 @@ def needed_ports(scenario: Scenario) -> list[NeededPort]:
         raise GroundError(str(error)) from None
     for vehicle_id, ports in bridge.vehicles.items():
         owner = f"bridge, vehicle {vehicle_id}'s"
-        needed.append(NeededPort(*ports.autopilot_local, f"{owner} autopilot"))
-        needed.append(NeededPort(*ports.gcs_local, f"{owner} ground link"))
+        if ports.autopilot is not None:
+            needed.append(NeededPort(*ports.autopilot.onboard_local, f"{owner} autopilot"))
+            needed.append(NeededPort(*ports.autopilot.gcs_local, f"{owner} ground link"))
+        if ports.external is not None:
+            link = LinkUrl.parse(ports.external)
+            if link.kind == "udpin":
+                needed.append(NeededPort(link.host, link.port, f"{owner} link to its external autopilot"))
         if ports.radio_local is not None:
             needed.append(NeededPort(*ports.radio_local, f"{owner} radio"))
     return needed

@@ -45,6 +45,9 @@ def render_scenario(config: Path, scenario: Scenario) -> RenderableType:
     facts.add_row("targets", f"{targets.model}{noise}")
     facts.add_row("simulated", _simulated(scenario))
     facts.add_row("ground station", scenario.ground.url)
+    external = [str(vehicle.id) for vehicle in scenario.vehicles if vehicle.external is not None]
+    if external:
+        facts.add_row("external", f"vehicles {', '.join(external)}: their autopilots run elsewhere")
     vehicles = Table(box=SIMPLE_HEAD, header_style="dim")
     for name in ("vehicle", "home north, east m", "layer m"):
         vehicles.add_column(name, justify="right")
@@ -72,10 +75,9 @@ def _simulated(scenario: Scenario) -> str:
     radio = "everybody" if simulation.radio.range_m is None else f"{simulation.radio.range_m:g} m"
     loss = f", {100 * simulation.radio.loss:g} % lost" if simulation.radio.loss else ""
     robots = simulation.ground_robots
-    return (
-        f"{robots.count} ground robots up to {robots.max_speed_m_s:g} m/s, motion capture "
-        f"{simulation.mocap.rate_hz:g} Hz, radio reaches {radio}{loss}, seed {simulation.seed}"
-    )
+    mocap = f"motion capture {simulation.mocap.rate_hz:g} Hz" if scenario.mission.position_source == "mocap" else "GPS"
+    robots_text = f"{robots.count} ground robots up to {robots.max_speed_m_s:g} m/s"
+    return f"{robots_text}, {mocap}, radio reaches {radio}{loss}, seed {simulation.seed}"
 
 
 def _list(values: list[float]) -> str:

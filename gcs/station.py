@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 
@@ -24,6 +25,8 @@ COMPONENT_ID = mavlink.MAV_COMP_ID_MISSIONPLANNER
 
 _TICK_S = 0.1
 _HEARTBEAT_S = 1.0
+_ROUTE_TIMEOUT_S = 3.0
+"""Silence after which a component is reached where else it is heard, s."""
 _MAX_STRANGERS = 32
 """Remotes outside the scenario that are answered; more are ignored."""
 
@@ -65,6 +68,7 @@ class GroundStation:
         self._commands = CommandClient()
         self._link: Link | None = None
         self._routes: dict[tuple[int, int], Address] = {}
+        self._route_s: dict[tuple[int, int], float] = {}
         self._names: dict[tuple[int, int], str] = {}
         for vehicle in scenario.vehicles:
             self._names[vehicle.id, AUTOPILOT] = f"vehicle{vehicle.id}_autopilot"
@@ -103,7 +107,7 @@ class GroundStation:
             source = _source(frame)
             if source not in self._routes and not self._admits(source):
                 continue
-            self._routes[source] = address
+            self._learn_route(source, address, now_s)
             self._record(source, now_s, frame)
             kind = message_id(frame)
             if kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK and not self.team.wants(kind, source[0], now_s):
@@ -150,6 +154,13 @@ class GroundStation:
                 self.director.landed_by_operator(vehicle_id)
         for command in commands:
             self._commands.request(command, now_s)
+
+    def _learn_route(self, source: tuple[int, int], address: Address, now_s: float) -> None:
+        """Remember where a component is reached: a copy that an autopilot forwards does not replace the direct way."""
+        same = self._routes.get(source) == address
+        if same or now_s - self._route_s.get(source, -math.inf) > _ROUTE_TIMEOUT_S:
+            self._routes[source] = address
+            self._route_s[source] = now_s
 
     def _admits(self, source: tuple[int, int]) -> bool:
         """Whether a component heard for the first time is listened to."""

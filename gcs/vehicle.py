@@ -297,9 +297,10 @@ class VehicleMonitor:
         if status is not None and status.setpoints > 0:
             gap = _finite(status.setpoint_gap_max)
         if truth is not None:
-            rate = (truth.setpoints - 1) / truth.setpoint_time if truth.setpoint_time > 0.0 else None
-            gap = truth.setpoint_gap_max if truth.setpoints > 1 else None
             separation = _finite(truth.min_separation)
+            if math.isfinite(truth.setpoint_gap_max):  # counted where setpoints arrive: a simulated autopilot
+                rate = (truth.setpoints - 1) / truth.setpoint_time if truth.setpoint_time > 0.0 else None
+                gap = truth.setpoint_gap_max if truth.setpoints > 1 else None
         errors = self._tracking_error_count
         return VehicleFigures(
             setpoint_rate_hz=rate,

@@ -7,26 +7,54 @@ run gives it virtual time.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from onboard.clock import usec
 from onboard.config import Scenario
+from onboard.config.simulation import SimulationConfig
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.status_text import encode_status_text
 from onboard.protocol.team_messages import encode_detection
 from sim_bridge.autopilot.links import LinkName
 from sim_bridge.detector import Detector
-from sim_bridge.mocap import MotionCapture
+from sim_bridge.errors import require_simulation
+from sim_bridge.faults import Faults
+from sim_bridge.mocap.bodies import Frame, RigidBodies
+from sim_bridge.mocap.pose import MocapPose, odometry
+from sim_bridge.mocap.simulated import MotionCapture
+from sim_bridge.mocap.watch import Watch
+from sim_bridge.notices import Notice
 from sim_bridge.pacing import Pacer
 from sim_bridge.radio import Radio
 from sim_bridge.schedule import TIME_TOLERANCE_S
 from sim_bridge.seeding import Stream, generator
-from sim_bridge.world import World, build_world, require_simulation
+from sim_bridge.world import World, build_world
 
 __all__ = ["TRUTH_RATE_HZ", "Bridge", "Outgoing", "Port", "build_bridge"]
 
+_SIMULATED_JUMP_M = 0.3
+
 TRUTH_RATE_HZ = 10.0
 """How often TARGET_TRUTH and VEHICLE_TRUTH go to the ground station."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Statistics:
+    setpoints: int = 0
+    setpoint_gap_max_s: float = math.nan
+    setpoint_time_s: float = 0.0
+
+
+_NOT_COUNTED = _Statistics()
+
+
+class _Notifier(Protocol):
+    def notices(self) -> list[Notice]:
+        """Take out what an operator should know."""
+        ...
 
 
 class Port(Enum):
@@ -40,6 +68,8 @@ class Port(Enum):
     """From a vehicle's detector to its onboard process."""
     TRUTH = "truth"
     """From the bridge to the ground station."""
+    EXTERNAL = "external"
+    """From the bridge to the autopilot of a vehicle that it does not simulate."""
 
 
 class Outgoing(NamedTuple):
@@ -66,14 +96,46 @@ class Bridge:
         detector: The vehicles' sensors.
     """
 
-    def __init__(self, world: World, mocap: MotionCapture, detector: Detector, radio: Radio, pacer: Pacer) -> None:
+    def __init__(
+        self,
+        world: World,
+        mocap: MotionCapture | None,
+        detector: Detector,
+        radio: Radio,
+        pacer: Pacer,
+        *,
+        served: Collection[int] = (),
+        bodies: RigidBodies | None = None,
+        faults: Faults | None = None,
+        watches: Mapping[int, Watch] | None = None,
+    ) -> None:
+        """Join the parts.
+
+        Args:
+            world: What is true.
+            mocap: Simulated motion capture; None outdoors.
+            detector: The vehicles' sensors.
+            radio: Between the vehicles.
+            pacer: The physics steps.
+            served: External vehicles that the simulated motion capture sees, too.
+            bodies: The vehicles that a real motion capture system sees.
+            faults: What goes wrong.
+            watches: What looks at the poses of external vehicles, by system id.
+        """
         self.world = world
         self.radio = radio
         self.pacer = pacer
         self.detector = detector
         self._mocap = mocap
+        self._served = frozenset(served)
+        self._bodies = bodies
+        self._faults = faults if faults is not None else Faults(())
+        self._watches = dict(watches or {})
+        self._handed_on_s: dict[int, float] = {}
         self._truth_tick = self._truth_tick_at(pacer.time_s)
         self._outbox: list[Outgoing] = []
+        self._notices: list[Notice] = []
+        self._texts = 0
 
     def advance(self, time_s: float) -> None:
         """Simulate up to a UNIX time (s), within the pacer's bound."""
@@ -81,28 +143,55 @@ class Bridge:
             self._step(step_s)
 
     def receive(self, vehicle_id: int, link: LinkName, message: mavlink.MAVLink_message, time_s: float) -> None:
-        """Take a message for a vehicle's autopilot from one of its links."""
+        """Take a message for a simulated vehicle's autopilot from one of its links."""
         self.world.vehicles[vehicle_id].autopilot.receive(message, link, time_s)
 
+    def receive_external(self, vehicle_id: int, message: mavlink.MAVLink_message, time_s: float) -> None:
+        """Take a message from an external vehicle's autopilot."""
+        self.world.external[vehicle_id].receive(message, time_s)
+
+    def receive_frame(self, frame: Frame, time_s: float) -> None:
+        """Take what a real motion capture system saw."""
+        if self._bodies is not None:
+            for pose in self._bodies.poses(frame):
+                self._hand_on(pose, time_s)
+
     def broadcast(self, vehicle_id: int, datagram: bytes, time_s: float) -> None:
-        """Take what a vehicle broadcasts to its peers; ``radio.deliveries`` gives what arrives."""
-        self.radio.broadcast(vehicle_id, datagram, time_s, self.world.positions())
+        """Take what a vehicle broadcasts to its peers; ``radio.deliveries`` gives what arrives.
+
+        Nobody hears a vehicle whose place is not known: how far it reaches is not known either.
+        """
+        positions = self.world.positions()
+        if vehicle_id in positions:
+            self.radio.broadcast(vehicle_id, datagram, time_s, positions)
 
     def outbox(self) -> list[Outgoing]:
         """Take out the messages to send."""
         taken, self._outbox = self._outbox, []
         return taken
 
+    def notices(self) -> list[Notice]:
+        """Take out what happened, for the log; the ground station is told by messages."""
+        taken, self._notices = self._notices, []
+        return taken
+
+    def tell(self, notice: Notice) -> None:
+        """Tell the operator something."""
+        self._notices.append(notice)
+        self._texts += 1
+        for message in encode_status_text(notice.severity, notice.text, self._texts):
+            self._outbox.append(Outgoing(Port.TRUTH, 0, message))
+
     def _step(self, time_s: float) -> None:
         world = self.world
         world.step(time_s)
-        if self._mocap.is_due(time_s):
-            self._mocap.sample(time_s, world.vehicle_truth())
-        for vehicle_id, odometry in self._mocap.deliveries(time_s):
-            world.vehicles[vehicle_id].autopilot.receive_mocap(odometry)
+        self._capture(time_s)
         for vehicle_id, vehicle in world.vehicles.items():
             for link, message in vehicle.autopilot.outbox():
                 self._outbox.append(Outgoing(Port(link), vehicle_id, message))
+        for vehicle_id, external in world.external.items():
+            for message in external.outbox():
+                self._outbox.append(Outgoing(Port.EXTERNAL, vehicle_id, message))
         if self.detector.is_due(time_s):
             self.detector.look(time_s, self.pacer.period_s, world.vehicle_truth(), world.target_truth())
         for vehicle_id, detection in self.detector.deliveries(time_s):
@@ -110,7 +199,42 @@ class Bridge:
         truth_tick = self._truth_tick_at(time_s)
         if truth_tick != self._truth_tick:
             self._truth_tick = truth_tick
+            self._look_after(time_s)
             self._report_truth(time_s)
+
+    def _capture(self, time_s: float) -> None:
+        """Let the simulated motion capture look, and deliver what it saw."""
+        if self._mocap is None:
+            return
+        if self._mocap.is_due(time_s):
+            external = [truth for truth in self.world.external_truth() if truth.vehicle_id in self._served]
+            simulated = [vehicle.truth() for vehicle in self.world.vehicles.values()]
+            self._mocap.sample(time_s, [*simulated, *external])
+        for pose in self._mocap.deliveries(time_s):
+            vehicle = self.world.vehicles.get(pose.vehicle_id)
+            if vehicle is None:
+                self._hand_on(pose, time_s)
+            elif not self._faults.active("mocap_silent", pose.vehicle_id):
+                vehicle.autopilot.receive_mocap(odometry(pose))
+
+    def _hand_on(self, pose: MocapPose, time_s: float) -> None:
+        """Give a pose to an external vehicle's autopilot, as often as it wants them."""
+        if self._faults.active("mocap_silent", pose.vehicle_id):
+            return
+        watch = self._watches.get(pose.vehicle_id)
+        if watch is not None:
+            watch.receive(pose, time_s)
+        self.world.external[pose.vehicle_id].receive_mocap(pose)
+
+    def _look_after(self, time_s: float) -> None:
+        """What happens ten times a second: faults on their script, what is wrong and who is missing."""
+        self._faults.step(time_s, self.world.vehicle_truth())
+        for watch in self._watches.values():
+            watch.step(time_s)
+        sources: list[_Notifier] = [self._faults, *self._watches.values(), *self.world.external.values()]
+        for source in sources:
+            for notice in source.notices():
+                self.tell(notice)
 
     def _report_truth(self, time_s: float) -> None:
         time_usec = usec(time_s)
@@ -129,8 +253,10 @@ class Bridge:
                     ),
                 )
             )
-        for vehicle in self.world.vehicles.values():
-            truth, statistics = vehicle.truth(), vehicle.autopilot.statistics
+        for truth in self.world.vehicle_truth():
+            vehicle = self.world.vehicles.get(truth.vehicle_id)
+            # Only a simulated autopilot can say which setpoints reached it.
+            statistics = vehicle.autopilot.statistics if vehicle is not None else _NOT_COUNTED
             self._outbox.append(
                 Outgoing(
                     Port.TRUTH,
@@ -144,11 +270,11 @@ class Bridge:
                         truth.velocity_east_m_s,
                         truth.velocity_down_m_s,
                         truth.yaw_rad,
-                        self.world.min_separation_m[vehicle.vehicle_id],
+                        self.world.min_separation_m[truth.vehicle_id],
                         statistics.setpoint_gap_max_s,
                         statistics.setpoint_time_s,
                         statistics.setpoints,
-                        vehicle.vehicle_id,
+                        truth.vehicle_id,
                     ),
                 )
             )
@@ -174,9 +300,12 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
     seed = simulation.seed if seed is None else seed
     pacer = Pacer(simulation.physics_rate_hz, time_s)
     ids = [vehicle.id for vehicle in scenario.vehicles]
+    mocap = None
+    if scenario.mission.position_source == "mocap":
+        mocap = MotionCapture(simulation.mocap, {i: generator(seed, Stream.MOCAP, i) for i in ids}, pacer.time_s)
     return Bridge(
         world=build_world(scenario, seed, pacer.time_s),
-        mocap=MotionCapture(simulation.mocap, {i: generator(seed, Stream.MOCAP, i) for i in ids}, pacer.time_s),
+        mocap=mocap,
         detector=Detector(
             simulation.detector,
             scenario.sensor.build(),
@@ -186,4 +315,23 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
         ),
         radio=Radio(simulation.radio, generator(seed, Stream.RADIO)),
         pacer=pacer,
+        served=[vehicle.id for vehicle in scenario.vehicles if vehicle.external and vehicle.external.pose == "truth"],
+        bodies=RigidBodies(scenario.mocap) if scenario.mocap is not None else None,
+        faults=Faults(simulation.faults),
+        watches=_watches(scenario, simulation),
     )
+
+
+def _watches(scenario: Scenario, simulation: SimulationConfig) -> dict[int, Watch]:
+    """What looks at the poses of external vehicles."""
+    watches = {}
+    for vehicle in scenario.vehicles:
+        real, simulated = scenario.mocap, simulation.mocap
+        if vehicle.external is None:
+            continue
+        if vehicle.external.pose == "mocap" and real is not None:
+            watches[vehicle.id] = Watch(vehicle.id, real.rate_hz, real.jump_m, noisy=True)
+        elif vehicle.external.pose == "truth" and scenario.mission.position_source == "mocap":
+            noisy = simulated.position_std_m > 0.0
+            watches[vehicle.id] = Watch(vehicle.id, simulated.rate_hz, _SIMULATED_JUMP_M, noisy=noisy)
+    return watches

@@ -13,7 +13,7 @@ from onboard.config import Scenario, VehicleConfig
 from onboard.protocol.transport import LinkUrl
 from sim_bridge.errors import BridgeError
 
-__all__ = ["BridgePorts", "VehiclePorts", "find_ports"]
+__all__ = ["AutopilotPorts", "BridgePorts", "VehiclePorts", "find_ports"]
 
 AUTOPILOT_PORT_OFFSET = 40
 GCS_PORT_OFFSET = 4020
@@ -26,22 +26,35 @@ _LOOPBACK = "127.0.0.1"
 
 
 @dataclass(frozen=True, slots=True)
+class AutopilotPorts:
+    """The bridge's ends of a simulated autopilot's links.
+
+    Attributes:
+        onboard: Where the onboard process hears its autopilot.
+        onboard_local: Where the autopilot sends that from.
+        gcs_local: Where the autopilot sends to the ground station from.
+    """
+
+    onboard: Address
+    onboard_local: Address
+    gcs_local: Address
+
+
+@dataclass(frozen=True, slots=True)
 class VehiclePorts:
     """The bridge's ends of one vehicle's links.
 
     Attributes:
-        onboard: Where the onboard process hears its autopilot.
-        autopilot_local: Where the autopilot sends that from.
-        gcs_local: Where the autopilot sends to the ground station from.
+        autopilot: Those of its simulated autopilot; None for an external vehicle.
         sensor: Where the onboard process hears its detector.
         radio_local: Where the radio hears the vehicle; None if its peers link does not go through the radio.
+        external: URL of the bridge's own link to the autopilot of an external vehicle; None for a simulated one.
     """
 
-    onboard: Address
-    autopilot_local: Address
-    gcs_local: Address
+    autopilot: AutopilotPorts | None
     sensor: Address
     radio_local: Address | None
+    external: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +82,21 @@ def find_ports(scenario: Scenario) -> BridgePorts:
 
 
 def _vehicle_ports(vehicle: VehicleConfig, ground: Address) -> VehiclePorts:
-    onboard = _listener(vehicle, "autopilot", vehicle.autopilot_url)
     peers = LinkUrl.parse(vehicle.peers_url)
     return VehiclePorts(
-        onboard=onboard,
-        autopilot_local=_sender_to(onboard, AUTOPILOT_PORT_OFFSET),
-        gcs_local=_sender_to(ground, GCS_PORT_OFFSET + vehicle.id - 1),
+        autopilot=_autopilot_ports(vehicle, ground) if vehicle.external is None else None,
         sensor=_listener(vehicle, "sensor", vehicle.sensor_url),
         radio_local=(peers.host, peers.port) if peers.kind == "udpout" else None,
+        external=None if vehicle.external is None else vehicle.external_url,
+    )
+
+
+def _autopilot_ports(vehicle: VehicleConfig, ground: Address) -> AutopilotPorts:
+    onboard = _listener(vehicle, "autopilot", vehicle.autopilot_url)
+    return AutopilotPorts(
+        onboard=onboard,
+        onboard_local=_sender_to(onboard, AUTOPILOT_PORT_OFFSET),
+        gcs_local=_sender_to(ground, GCS_PORT_OFFSET + vehicle.id - 1),
     )
 
 

@@ -15,14 +15,14 @@ from collections.abc import Callable
 from typing import Any
 
 from onboard.config import Scenario
+from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.transport import Link, TransportError, open_link
 from onboard.realtime import make_this_thread_urgent
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.bridge import Bridge, Port, build_bridge
-from sim_bridge.errors import BridgeError
+from sim_bridge.errors import BridgeError, require_simulation
 from sim_bridge.ports import Address, BridgePorts, find_ports
-from sim_bridge.world import require_simulation
 
 __all__ = ["BridgeProcess", "run_bridge"]
 
@@ -70,8 +70,12 @@ class BridgeProcess:
         """
         try:
             for vehicle_id, ports in self._ports.vehicles.items():
-                await self._open_autopilot(vehicle_id, ONBOARD, ports.onboard, ports.autopilot_local)
-                await self._open_autopilot(vehicle_id, GCS, self._ports.ground, ports.gcs_local)
+                if ports.autopilot is not None:
+                    own = ports.autopilot
+                    await self._open_autopilot(vehicle_id, ONBOARD, own.onboard, own.onboard_local)
+                    await self._open_autopilot(vehicle_id, GCS, self._ports.ground, own.gcs_local)
+                if ports.external is not None:
+                    await self._open_external(vehicle_id, ports.external)
                 await self._open_own(Port.SENSOR, vehicle_id, ports.sensor)
                 if ports.radio_local is not None:
                     receive = functools.partial(self._receive_broadcast, vehicle_id)
@@ -107,6 +111,12 @@ class BridgeProcess:
         receive = functools.partial(self._receive_command, vehicle_id, link, codec)
         self._out[Port(link), vehicle_id] = (codec, await self._open(_url("udpout", remote), receive, local))
 
+    async def _open_external(self, vehicle_id: int, url: str) -> None:
+        """Open the bridge's own link to an autopilot that runs elsewhere."""
+        codec = Codec(self._system_id, AUTOPILOT_COMPONENT)
+        receive = functools.partial(self._receive_external, vehicle_id, codec)
+        self._out[Port.EXTERNAL, vehicle_id] = (codec, await self._open(url, receive))
+
     async def _open_own(self, port: Port, vehicle_id: int, remote: Address) -> None:
         """Open a link on which the bridge speaks as itself, and hears nobody."""
         codec = Codec(self._system_id, AUTOPILOT_COMPONENT)
@@ -115,6 +125,9 @@ class BridgeProcess:
     def _tick(self) -> None:
         self._bridge.advance(self._clock())
         self.send()
+        for notice in self._bridge.notices():
+            level = logging.WARNING if notice.severity <= mavlink.MAV_SEVERITY_WARNING else logging.INFO
+            _log.log(level, "%s", notice.text)
         # The grid of the steps sets the next time, so lateness does not add up.
         delay_s = self._bridge.pacer.next_s - self._clock()
         self._timer = asyncio.get_running_loop().call_later(max(0.0, delay_s), self._tick)
@@ -123,6 +136,11 @@ class BridgeProcess:
         now_s = self._clock()
         for message in codec.decode(datagram):
             self._bridge.receive(vehicle_id, link, message, now_s)
+
+    def _receive_external(self, vehicle_id: int, codec: Codec, datagram: bytes) -> None:
+        now_s = self._clock()
+        for message in codec.decode(datagram):
+            self._bridge.receive_external(vehicle_id, message, now_s)
 
     def _receive_broadcast(self, vehicle_id: int, datagram: bytes) -> None:
         self._bridge.broadcast(vehicle_id, datagram, self._clock())

@@ -9,11 +9,11 @@ from itertools import combinations
 from typing import Protocol
 
 from onboard.config import Scenario
-from onboard.config.simulation import SimulationConfig
 from onboard.protocol import dialect as mavlink
 from sim_bridge.arena import Arena
 from sim_bridge.autopilot import INDOOR_PARAMETERS, LinkName, ParameterError, SimulatedAutopilot
-from sim_bridge.errors import BridgeError
+from sim_bridge.errors import BridgeError, require_simulation
+from sim_bridge.external import ExternalAutopilot, build_external
 from sim_bridge.ground_robots import GroundRobots
 from sim_bridge.seeding import Stream, generator
 from sim_bridge.truth import TargetTruth, VehicleTruth
@@ -26,8 +26,11 @@ __all__ = [
     "VehicleModel",
     "World",
     "build_world",
-    "require_simulation",
 ]
+
+
+_ON_GROUND_M = 0.1
+"""An external vehicle lower than this stands on the ground."""
 
 
 class VehicleModel(Protocol):
@@ -104,61 +107,70 @@ class World:
     """Vehicles and ground robots, moved on together in fixed steps.
 
     Attributes:
-        vehicles: The vehicles, by system id.
+        vehicles: The simulated vehicles, by system id.
+        external: The vehicles that are flown elsewhere, by system id.
         min_separation_m: For each vehicle, its smallest distance in three dimensions to any other one since the start,
             while either of the two was in the air; infinity if that never was.
     """
 
-    def __init__(self, vehicles: Sequence[SimulatedVehicle], robots: GroundRobots, step_s: float) -> None:
+    def __init__(
+        self,
+        vehicles: Sequence[SimulatedVehicle],
+        robots: GroundRobots,
+        step_s: float,
+        external: Sequence[ExternalAutopilot] = (),
+    ) -> None:
         self.vehicles = {vehicle.vehicle_id: vehicle for vehicle in vehicles}
-        self.min_separation_m = dict.fromkeys(self.vehicles, math.inf)
+        self.external = {vehicle.vehicle_id: vehicle for vehicle in external}
+        self.min_separation_m = dict.fromkeys((*self.vehicles, *self.external), math.inf)
         self._robots = robots
         self._step_s = step_s
-        self._pairs = tuple(combinations(vehicles, 2))
 
     def step(self, time_s: float) -> None:
         """Move on by one physics step, to a UNIX time (s)."""
         for vehicle in self.vehicles.values():
             vehicle.autopilot.step(time_s, self._step_s)
+        for external in self.external.values():
+            external.step(time_s)
         self._robots.advance(self._step_s)
         self._watch_separation()
 
     def vehicle_truth(self) -> list[VehicleTruth]:
-        """Where the vehicles are now."""
-        return [vehicle.truth() for vehicle in self.vehicles.values()]
+        """Where the vehicles are now, without external ones that nobody knows the place of."""
+        truths = [vehicle.truth() for vehicle in self.vehicles.values()]
+        return [*truths, *self.external_truth()]
+
+    def external_truth(self) -> list[VehicleTruth]:
+        """Where the external vehicles are now, as far as it is known."""
+        truths = (external.truth() for external in self.external.values())
+        return [truth for truth in truths if truth is not None]
 
     def target_truth(self) -> list[TargetTruth]:
         """Where the targets are now."""
         return self._robots.truth()
 
     def positions(self) -> dict[int, tuple[float, float, float]]:
-        """Position ``(north m, east m, down m)`` of each vehicle now, by system id."""
-        return {
+        """Position ``(north m, east m, down m)`` of each vehicle now, by system id, as far as it is known."""
+        simulated = {
             vehicle_id: (vehicle.body.north_m, vehicle.body.east_m, vehicle.body.down_m)
             for vehicle_id, vehicle in self.vehicles.items()
         }
+        return simulated | {truth.vehicle_id: truth.position for truth in self.external_truth()}
 
     def _watch_separation(self) -> None:
         separation = self.min_separation_m
-        for first, second in self._pairs:
-            a, b = first.body, second.body
-            if a.on_ground and b.on_ground:
+        places = [
+            (vehicle_id, vehicle.body.north_m, vehicle.body.east_m, vehicle.body.down_m, vehicle.body.on_ground)
+            for vehicle_id, vehicle in self.vehicles.items()
+        ]
+        places += [(truth.vehicle_id, *truth.position, truth.down_m > -_ON_GROUND_M) for truth in self.external_truth()]
+        for first, second in combinations(places, 2):
+            if first[4] and second[4]:
                 continue
-            north, east, down = a.north_m - b.north_m, a.east_m - b.east_m, a.down_m - b.down_m
+            north, east, down = first[1] - second[1], first[2] - second[2], first[3] - second[3]
             distance = math.sqrt(north * north + east * east + down * down)
-            separation[first.vehicle_id] = min(separation[first.vehicle_id], distance)
-            separation[second.vehicle_id] = min(separation[second.vehicle_id], distance)
-
-
-def require_simulation(scenario: Scenario) -> SimulationConfig:
-    """The scenario's ``simulation`` section.
-
-    Raises:
-        BridgeError: It has none.
-    """
-    if scenario.simulation is None:
-        raise BridgeError(f"scenario {scenario.name} has no section simulation: there is nothing to simulate")
-    return scenario.simulation
+            separation[first[0]] = min(separation[first[0]], distance)
+            separation[second[0]] = min(separation[second[0]], distance)
 
 
 def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
@@ -174,14 +186,15 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
             ground robots that cannot be placed.
     """
     simulation = require_simulation(scenario)
-    # Motion capture is the only source of positions, and the estimators know how late it is.
-    parameters = {
-        **INDOOR_PARAMETERS,
-        "EKF2_EV_DELAY": 1e3 * simulation.mocap.delay_s,
-        **simulation.parameters,
-    }
+    parameters: dict[str, int | float] = {}
+    if scenario.mission.position_source == "mocap":
+        # Motion capture is the only source of positions, and the estimators know how late it is.
+        parameters = {**INDOOR_PARAMETERS, "EKF2_EV_DELAY": 1e3 * simulation.mocap.delay_s}
+    parameters |= simulation.parameters
     vehicles = []
     for config in scenario.vehicles:
+        if config.external is not None:
+            continue
         body = Vehicle(
             simulation.vehicles,
             position=(config.home[0], config.home[1], 0.0),
@@ -202,4 +215,5 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
         vehicles.append(SimulatedVehicle(config.id, body, autopilot))
     arena = Arena(scenario.mission.fence, scenario.mission.obstacles)
     robots = GroundRobots(simulation.ground_robots, arena, generator(seed, Stream.GROUND_ROBOTS))
-    return World(vehicles, robots, 1.0 / simulation.physics_rate_hz)
+    external = [build_external(scenario, config, time_s) for config in scenario.vehicles if config.external is not None]
+    return World(vehicles, robots, 1.0 / simulation.physics_rate_hz, external)

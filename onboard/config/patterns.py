@@ -7,15 +7,17 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-__all__ = ["PATTERN_MEANING", "LinkUrl", "ListenUrl", "ScenarioName"]
+__all__ = ["PATTERN_MEANING", "LinkUrl", "ListenUrl", "ProviderName", "ScenarioName"]
 
 _NAME = r"^[A-Za-z0-9_.\-]+$"
+_PROVIDER = r"^[a-z_]+$"
 _LINK = r"^(udpin|udpout|mcast):(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$"
 _LISTEN = r"^udpin:(?:[A-Za-z0-9.\-]+):([0-9]{1,5})$"
 
 PATTERN_MEANING = MappingProxyType(
     {
         _NAME: "should have letters, digits, dots, dashes and underscores only",
+        _PROVIDER: "should have small letters and underscores only",
         _LINK: "should be udpin:HOST:PORT, udpout:HOST:PORT or mcast:GROUP:PORT",
         _LISTEN: "should be udpin:HOST:PORT",
     }
@@ -31,5 +33,6 @@ def _port_exists(url: str) -> str:
 
 
 ScenarioName = Annotated[str, Field(min_length=1, max_length=64, pattern=_NAME)]
+ProviderName = Annotated[str, Field(min_length=1, max_length=40, pattern=_PROVIDER)]
 LinkUrl = Annotated[str, Field(pattern=_LINK), AfterValidator(_port_exists)]
 ListenUrl = Annotated[str, Field(pattern=_LISTEN), AfterValidator(_port_exists)]

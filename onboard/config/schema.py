@@ -12,6 +12,8 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from onboard.config.base import NonNegative, Positive, Section, SystemId
+from onboard.config.external import External
+from onboard.config.mocap import RealMocapConfig
 from onboard.config.patterns import LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple, overlap
 from onboard.config.simulation import OriginConfig, SimulationConfig
@@ -224,6 +226,9 @@ class VehicleConfig(Section):
         description="whose behaviour is simulated; of a vehicle that is not simulated, what is expected on its link",
     )
     links: LinksConfig = LinksConfig()
+    external: External = Field(
+        default=None, description="true, or a section: the vehicle is not simulated; its autopilot runs elsewhere"
+    )
 
     @property
     def home_pose(self) -> Pose:
@@ -250,6 +255,18 @@ class VehicleConfig(Section):
         """Where the ground station is reached: UDP 14550 unless configured."""
         return self.links.ground or "udpout:127.0.0.1:14550"
 
+    @property
+    def external_url(self) -> str:
+        """The bridge's own link to an external autopilot.
+
+        Unless configured, PX4's simulator SIH is heard on UDP 19410 + id − 1, where it tells a display its true state,
+        and ArduPilot on UDP 14840 + id − 1.
+        """
+        if self.external is not None and self.external.link is not None:
+            return self.external.link
+        port = 19410 if self.autopilot == "px4" else 14840
+        return f"udpin:127.0.0.1:{port + self.id - 1}"
+
 
 class GroundConfig(Section):
     """The ground station."""
@@ -272,6 +289,7 @@ class Scenario(Section):
     flight: FlightConfig = FlightConfig()
     vehicles: Annotated[tuple[VehicleConfig, ...], Field(min_length=1, max_length=MAX_SYSTEM_ID)]
     ground: GroundConfig = GroundConfig()
+    mocap: RealMocapConfig | None = None
     simulation: SimulationConfig | None = None
 
     @field_validator("primitives")
@@ -311,18 +329,50 @@ class Scenario(Section):
     def _nobody_listens_where_another_does(self) -> Self:
         taken = {self.ground.url: "ground.url"}
         for i, vehicle in enumerate(self.vehicles):
-            urls = {"autopilot": vehicle.autopilot_url, "sensor": vehicle.sensor_url, "peers": vehicle.peers_url}
+            urls = {
+                "links.autopilot": vehicle.autopilot_url,
+                "links.sensor": vehicle.sensor_url,
+                "links.peers": vehicle.peers_url,
+            }
+            if vehicle.external is not None:
+                urls["external.link"] = vehicle.external_url
             for name, url in urls.items():
                 # Several may send to one place, but not through the simulated radio, which knows them by their ports.
                 shared = url.startswith("mcast:") or (url.startswith("udpout:") and self.simulation is None)
                 if not shared and url in taken:
-                    raise ValueError(f"vehicles[{i}].links.{name}: {url} is also {taken[url]}; every link has its own")
-                taken[url] = f"vehicles[{i}].links.{name}"
+                    raise ValueError(f"vehicles[{i}].{name}: {url} is also {taken[url]}; every link has its own")
+                taken[url] = f"vehicles[{i}].{name}"
+        return self
+
+    @model_validator(mode="after")
+    def _external_vehicles_are_served(self) -> Self:
+        for i, vehicle in enumerate(self.vehicles):
+            if vehicle.external is None:
+                continue
+            if self.simulation is None:
+                raise ValueError(
+                    f"vehicles[{i}].external: says what the bridge serves the vehicle, but there is no section "
+                    "simulation for a bridge; a team without a bridge leaves this key out"
+                )
+            tracked = self.mocap.bodies.values() if self.mocap is not None else ()
+            if vehicle.external.pose == "mocap" and vehicle.id not in tracked:
+                raise ValueError(
+                    f"vehicles[{i}].external.pose: mocap needs a rigid body of this vehicle; name it in mocap.bodies, "
+                    f"as in {{drone{vehicle.id}: {vehicle.id}}}"
+                )
+        if self.mocap is not None:
+            users = {v.id for v in self.vehicles if v.external is not None and v.external.pose == "mocap"}
+            for name, vehicle_id in self.mocap.bodies.items():
+                if vehicle_id not in users:
+                    raise ValueError(
+                        f"mocap.bodies: {name} is vehicle {vehicle_id}, which is no vehicle here with external: "
+                        "{pose: mocap}"
+                    )
         return self
 
     @model_validator(mode="after")
     def _vehicles_can_fly_the_primitives(self) -> Self:
-        if self.simulation is None:
+        if self.simulation is None or all(vehicle.external is not None for vehicle in self.vehicles):
             return self
         limits = self.simulation.vehicles
         for i, (speed, yaw_rate) in enumerate(self.primitives):

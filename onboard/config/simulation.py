@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -10,6 +10,7 @@ from onboard.config.base import NonNegative, Positive, Probability, Section, Sys
 
 __all__ = [
     "DetectorConfig",
+    "FaultConfig",
     "GroundRobotsConfig",
     "MocapConfig",
     "OriginConfig",
@@ -65,7 +66,7 @@ class GroundRobotsConfig(Section):
 
 
 class MocapConfig(Section):
-    """Motion capture, the autopilots' position source."""
+    """Simulated motion capture, where mission.position_source says so."""
 
     rate_hz: Annotated[float, Field(ge=1.0, le=500.0)] = 50.0
     position_std_m: NonNegative = 0.003
@@ -90,6 +91,15 @@ class RadioConfig(Section):
     jitter_s: NonNegative = 0.0
 
 
+class FaultConfig(Section):
+    """Something that the bridge makes go wrong, counted from the moment at which the first vehicle takes off."""
+
+    kind: Literal["mocap_silent"] = Field(description="mocap_silent: motion capture does not see the vehicles")
+    after_takeoff_s: NonNegative
+    for_s: Positive | None = Field(default=None, description="null lasts for ever")
+    vehicles: tuple[SystemId, ...] = Field(default=(), description="system ids; empty means all")
+
+
 class SimulationConfig(Section):
     """Everything that the bridge simulates."""
 
@@ -102,3 +112,4 @@ class SimulationConfig(Section):
     mocap: MocapConfig = MocapConfig()
     detector: DetectorConfig = DetectorConfig()
     radio: RadioConfig = RadioConfig()
+    faults: Annotated[tuple[FaultConfig, ...], Field(max_length=1000)] = ()

@@ -115,9 +115,19 @@ def test_commands_go_to_the_address_their_component_was_heard_from(station, remo
 def test_a_component_that_moves_is_followed(station, remotes, stand_by, clock):
     stand_by()
     remotes[2, 191].address = ("127.0.0.1", 50002)
+    clock.now_s += 3.5
     stand_by()
     station.tick()
     assert station._link.take("COMMAND_INT")[1][0] == ("127.0.0.1", 50002)
+
+
+def test_a_copy_that_an_autopilot_forwards_does_not_replace_the_direct_way(station, remotes, stand_by, clock):
+    stand_by()
+    direct, remotes[2, 191].address = remotes[2, 191].address, remotes[2, 1].address
+    stand_by()
+    remotes[2, 191].address = direct
+    station.tick()
+    assert station._link.take("COMMAND_INT")[1][0] == direct
 
 
 def test_land_is_repeated_with_confirmation_until_acknowledged(station, remotes, stand_by, clock, heartbeat):

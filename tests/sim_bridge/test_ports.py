@@ -26,9 +26,9 @@ def test_the_lab_has_px4s_ports():
     assert ports.ground == ("127.0.0.1", 14550)
     for n in (1, 2, 3):
         vehicle = ports.vehicles[n]
-        assert vehicle.onboard == ("127.0.0.1", 14540 + n - 1)
-        assert vehicle.autopilot_local == ("127.0.0.1", 14580 + n - 1)
-        assert vehicle.gcs_local == ("127.0.0.1", 18570 + n - 1)
+        assert vehicle.autopilot.onboard == ("127.0.0.1", 14540 + n - 1)
+        assert vehicle.autopilot.onboard_local == ("127.0.0.1", 14580 + n - 1)
+        assert vehicle.autopilot.gcs_local == ("127.0.0.1", 18570 + n - 1)
         assert vehicle.sensor == ("127.0.0.1", 14740 + n - 1)
         assert vehicle.radio_local == ("127.0.0.1", 14640 + n - 1)
 
@@ -42,17 +42,17 @@ def test_links_that_move_take_the_bridge_along():
     ports = find_ports(scenario(links, "udpin:0.0.0.0:24550"))
     assert ports.ground == ("127.0.0.1", 24550)
     vehicle = ports.vehicles[2]
-    assert vehicle.onboard == ("127.0.0.1", 24540)
-    assert vehicle.autopilot_local == ("127.0.0.1", 24580)
-    assert vehicle.gcs_local == ("127.0.0.1", 28571)
+    assert vehicle.autopilot.onboard == ("127.0.0.1", 24540)
+    assert vehicle.autopilot.onboard_local == ("127.0.0.1", 24580)
+    assert vehicle.autopilot.gcs_local == ("127.0.0.1", 28571)
     assert vehicle.sensor == ("127.0.0.1", 24740)
     assert vehicle.radio_local == ("127.0.0.1", 24640)
 
 
 def test_a_process_on_another_host_is_reached_from_any_interface():
     vehicle = find_ports(scenario({"autopilot": "udpin:10.0.0.7:14541"})).vehicles[2]
-    assert vehicle.onboard == ("10.0.0.7", 14541)
-    assert vehicle.autopilot_local == ("0.0.0.0", 14581)
+    assert vehicle.autopilot.onboard == ("10.0.0.7", 14541)
+    assert vehicle.autopilot.onboard_local == ("0.0.0.0", 14581)
 
 
 def test_peers_on_multicast_do_not_go_through_the_radio():

@@ -62,8 +62,10 @@ async def main(config: Path) -> None:
     autopilots = []
     for vehicle_id, own in ports.vehicles.items():
         autopilot = Autopilot(vehicle_id)
-        await autopilot.open(own.gcs_local, ports.ground)
-        await open_link(f"udpin:{own.autopilot_local[0]}:{own.autopilot_local[1]}", autopilot.from_onboard)
+        await autopilot.open(own.autopilot.gcs_local, ports.ground)
+        await open_link(
+            f"udpin:{own.autopilot.onboard_local[0]}:{own.autopilot.onboard_local[1]}", autopilot.from_onboard
+        )
         autopilots.append(autopilot)
     codec = Codec(scenario.simulation.system_id, 1)
     link = await open_link(f"udpout:{ports.ground[0]}:{ports.ground[1]}")

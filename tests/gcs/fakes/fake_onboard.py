@@ -54,7 +54,7 @@ async def main(config: Path, vehicle_id: int) -> None:
     scenario = load_scenario(config)
     onboard = Onboard(scenario, vehicle_id)
     onboard.ground = await open_link(onboard.vehicle.ground_url, onboard.receive)
-    host, port = find_ports(scenario).vehicles[vehicle_id].autopilot_local
+    host, port = find_ports(scenario).vehicles[vehicle_id].autopilot.onboard_local
     onboard.autopilot = await open_link(f"udpout:{host}:{port}")
     print(f"onboard {vehicle_id} runs", flush=True)
     while True:

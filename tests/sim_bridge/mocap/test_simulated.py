@@ -1,4 +1,4 @@
-"""Motion capture: rate, noise and delay as configured, and ODOMETRY as PX4 takes it."""
+"""Motion capture in simulation: rate, noise and delay as configured."""
 
 import math
 
@@ -8,8 +8,6 @@ from scipy import stats
 
 from onboard.config.simulation import MocapConfig
 from onboard.geometry import wrap_angle
-from onboard.protocol import dialect as mavlink
-from onboard.protocol.codec import Codec
 from sim_bridge.mocap import MotionCapture
 from sim_bridge.truth import VehicleTruth
 
@@ -36,15 +34,10 @@ def run(mocap, seconds, vehicles):
     return arrived
 
 
-def yaw_of(odometry):
-    w, x, y, z = odometry.q
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
 @pytest.mark.parametrize("rate_hz", [10.0, 50.0, 100.0])
 def test_rate_and_delay(rate_hz):
     arrived = run(make(rate_hz=rate_hz, delay_s=0.02), 2.0, [truth()])
-    stamps = [sample.odometry.time_usec * 1e-6 for _, sample in arrived]
+    stamps = [sample.time_s for _, sample in arrived]
     assert np.diff(stamps) == pytest.approx(1.0 / rate_hz, abs=1e-5)
     assert len(stamps) == pytest.approx(2.0 * rate_hz, abs=3)
     ages = [now - stamp for (now, _), stamp in zip(arrived, stamps, strict=True)]
@@ -53,35 +46,21 @@ def test_rate_and_delay(rate_hz):
 
 def test_noise_has_the_configured_spread_and_no_bias():
     arrived = run(make(rate_hz=200.0, position_std_m=0.003, yaw_std_deg=0.3, delay_s=0.0), 20.0, [truth()])
-    errors = np.array([(s.odometry.x - 1.0, s.odometry.y - 2.0, s.odometry.z + 1.5) for _, s in arrived]) / 0.003
-    yaw_errors = np.array([yaw_of(s.odometry) - 0.3 for _, s in arrived]) / math.radians(0.3)
+    errors = np.array([(s.north_m - 1.0, s.east_m - 2.0, s.down_m + 1.5) for _, s in arrived]) / 0.003
+    yaw_errors = np.array([s.roll_pitch_yaw_rad[2] - 0.3 for _, s in arrived]) / math.radians(0.3)
     for column in (*errors.T, yaw_errors):
         assert stats.kstest(column, "norm").pvalue > 1e-3
     assert np.abs(np.corrcoef(errors.T) - np.eye(3)).max() < 4.0 / math.sqrt(len(errors))
 
 
-def test_odometry_is_what_px4_fuses():
-    ((_, sample),) = run(make(rate_hz=50.0, delay_s=0.0), 0.025, [truth()])
-    odometry = sample.odometry
-    assert (odometry.frame_id, odometry.child_frame_id) == (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_NED)
-    assert odometry.estimator_type == mavlink.MAV_ESTIMATOR_TYPE_VISION
-    assert math.isnan(odometry.vx)
-    covariance = np.zeros((6, 6))
-    covariance[np.triu_indices(6)] = odometry.pose_covariance
-    assert np.diag(covariance) == pytest.approx([9e-6] * 3 + [math.radians(0.3) ** 2] * 3)
-    assert np.count_nonzero(covariance) == 6
-    (decoded,) = Codec(1, 1).decode(Codec(250, 1).encode(odometry))
-    assert decoded.x == pytest.approx(odometry.x, abs=1e-6)
-
-
 @pytest.mark.parametrize("yaw_rad", [-3.1, -1.0, 0.0, 2.0, math.pi])
 def test_heading_survives_the_quaternion(yaw_rad):
     ((_, sample),) = run(make(yaw_std_deg=0.0, delay_s=0.0), 0.025, [truth(yaw_rad=yaw_rad)])
-    assert wrap_angle(yaw_of(sample.odometry) - yaw_rad) == pytest.approx(0.0, abs=1e-9)
+    assert wrap_angle(sample.roll_pitch_yaw_rad[2] - yaw_rad) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_another_vehicle_changes_nobody_elses_noise():
-    alone = [s.odometry.x for _, s in run(make((1,)), 0.5, [truth(1)])]
-    together = [s.odometry.x for _, s in run(make((1, 2)), 0.5, [truth(2), truth(1)]) if s.vehicle_id == 1]
+    alone = [s.north_m for _, s in run(make((1,)), 0.5, [truth(1)])]
+    together = [s.north_m for _, s in run(make((1, 2)), 0.5, [truth(2), truth(1)]) if s.vehicle_id == 1]
     assert alone == together
     assert len(alone) > 10
