@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.signing import LinkSigning, Verdict
 
 __all__ = ["BROADCAST", "Codec", "split_frames"]
 
@@ -18,20 +20,32 @@ _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 class Codec:
     """One end of a link: numbers and packs what it sends, unpacks and checks what it receives.
 
+    Args:
+        system_id: Of the sender.
+        component_id: Of the sender.
+        signing: Signs all that is sent, and lets in only what is signed; None leaves the link open.
+
     Attributes:
         rejected: Pieces of received datagrams that were no valid frame (bad checksum, garbage, truncated).
         unknown: Valid frames of messages that the dialect does not have.
+        refused: Frames that a signed link did not let in, by what was wrong with their signature.
     """
 
-    def __init__(self, system_id: int, component_id: int) -> None:
+    def __init__(self, system_id: int, component_id: int, signing: LinkSigning | None = None) -> None:
         self.rejected = 0
         self.unknown = 0
-        self._mavlink = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+        self.refused: Counter[Verdict] = Counter()
+        self._signing = signing
+        self._packer = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+        # Without a key: the library's own verifier can be locked out by one forged frame.
+        self._parser = mavlink.MAVLink(None)
 
     def encode(self, message: mavlink.MAVLink_message) -> bytes:
         """The message as one MAVLink 2 frame with the next sequence number."""
-        frame = message.pack(self._mavlink)
-        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        if self._signing is not None:
+            self._signing.prepare(self._packer)
+        frame = message.pack(self._packer)
+        self._packer.seq = (self._packer.seq + 1) % 256
         return bytes(frame)
 
     def decode(self, datagram: bytes) -> list[mavlink.MAVLink_message]:
@@ -42,12 +56,20 @@ class Codec:
                 self.rejected += 1
             elif message_id(frame) not in mavlink.mavlink_map:
                 self.unknown += 1
-            else:
+            elif self._lets_in(frame):
                 try:
-                    messages.append(self._mavlink.decode(bytearray(frame)))
+                    messages.append(self._parser.decode(bytearray(frame)))
                 except (mavlink.MAVError, ValueError):  # a bad checksum; text that is not UTF-8
                     self.rejected += 1
         return messages
+
+    def _lets_in(self, frame: bytes) -> bool:
+        if self._signing is None:
+            return True
+        verdict = self._signing.verify(frame)
+        if verdict is not Verdict.GENUINE:
+            self.refused[verdict] += 1
+        return verdict is Verdict.GENUINE
 
 
 def message_id(frame: bytes) -> int:
