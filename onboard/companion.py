@@ -26,7 +26,8 @@ from onboard.messages import FlightState
 from onboard.planning.plan import Plan
 from onboard.planning.problem import Problem
 from onboard.protocol import dialect as mavlink
-from onboard.protocol.codec import BROADCAST, Codec
+from onboard.protocol.codec import BROADCAST, Codec, RefusalNotice
+from onboard.protocol.signing import LinkSigning, SignedLink, Signing
 from onboard.protocol.status_text import encode_status_text
 from onboard.protocol.team_messages import (
     encode_belief,
@@ -85,9 +86,11 @@ class Companion:
         scenario: The team's configuration.
         vehicle_id: Which of its vehicles.
         boot_s: UNIX time at which this process began, s.
+        signing: Signs what goes to peers and ground, and lets in from there only what the team's key signed; None
+            leaves both open.
     """
 
-    def __init__(self, scenario: Scenario, vehicle_id: int, boot_s: float) -> None:
+    def __init__(self, scenario: Scenario, vehicle_id: int, boot_s: float, signing: Signing | None = None) -> None:
         self.vehicle = scenario.vehicle(vehicle_id)
         self.autopilot = AutopilotLink(
             vehicle_id,
@@ -103,7 +106,9 @@ class Companion:
         self._boot_s = boot_s
         self._clock: MissionClock | None = None
         self._schedule: EpochSchedule | None = None
-        self._codecs = {name: Codec(vehicle_id, COMPONENT) for name in LinkName}
+        self._signing = signing
+        self._codecs = {name: Codec(vehicle_id, COMPONENT, self._signing_of(name)) for name in LinkName}
+        self._refusals = RefusalNotice()
         self._checksum = primitives_checksum(scenario.primitive_set)
         self._counts = Counts()
         self._out: list[tuple[LinkName, bytes]] = []
@@ -117,10 +122,16 @@ class Companion:
         self._planned_step = -1
         self._infeasible = False
 
+    def _signing_of(self, link: LinkName) -> LinkSigning | None:
+        signed = {LinkName.PEERS: SignedLink.PEERS, LinkName.GROUND: SignedLink.GROUND}.get(link)
+        return None if self._signing is None or signed is None else self._signing.link(signed)
+
     # Frames in.
 
     def receive(self, link: LinkName, datagram: bytes, time_s: float) -> None:
         """Take a datagram of a link that arrived at a UNIX time; what is malformed is counted, never raised."""
+        if self._signing is not None:
+            self._signing.advance(time_s)
         if link is LinkName.PEERS:
             self._counts.peer_bytes_received += len(datagram)
         for message in self._codecs[link].decode(datagram):
@@ -225,6 +236,8 @@ class Companion:
 
     def tick(self, time_s: float) -> None:
         """Do what is due at a UNIX time; called at the setpoint rate."""
+        if self._signing is not None:
+            self._signing.advance(time_s)
         may_descend = self.agent is None or self.agent.team.may_descend(time_s)
         setpoint = self.machine.tick(time_s, may_descend=may_descend)
         if setpoint is None:
@@ -361,7 +374,11 @@ class Companion:
         self._send(LinkName.GROUND, message)
 
     def _status(self, time_s: float) -> None:
-        rejected = sum(codec.rejected for codec in self._codecs.values())
+        rejected = sum(codec.rejected + codec.refused.total() for codec in self._codecs.values())
+        for link, codec in self._codecs.items():
+            notice = self._refusals.update(link, codec.refused, time_s)
+            if notice is not None:
+                self._say(mavlink.MAV_SEVERITY_WARNING, notice)
         message = planner_status(time_s, self._clock, self.machine, self.autopilot, self.agent, self._counts, rejected)
         self._send(LinkName.GROUND, message)
         if self.autopilot.pose() is not None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.signing import LinkSigning, Verdict
 
-__all__ = ["BROADCAST", "Codec", "split_frames"]
+__all__ = ["BROADCAST", "Codec", "RefusalNotice", "split_frames"]
 
 BROADCAST = 0
 """Target system or component that addresses everybody."""
 
+_NOTICE_PERIOD_S = 10.0
 _MAGIC_V1, _MAGIC_V2 = mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 
@@ -70,6 +72,22 @@ class Codec:
         if verdict is not Verdict.GENUINE:
             self.refused[verdict] += 1
         return verdict is Verdict.GENUINE
+
+
+class RefusalNotice:
+    """What to tell the operator of frames that signed links refuse: at once, then at most every ten seconds."""
+
+    def __init__(self) -> None:
+        self._told: dict[str, tuple[float, int]] = {}
+
+    def update(self, link: str, refused: Counter[Verdict], time_s: float) -> str | None:
+        """One line if there is something new to say of a link at a UNIX time."""
+        told_s, told = self._told.get(link, (-math.inf, 0))
+        if refused.total() == told or time_s - told_s < _NOTICE_PERIOD_S:
+            return None
+        self._told[link] = (time_s, refused.total())
+        kinds = ", ".join(f"{count} {verdict}" for verdict, count in refused.most_common())
+        return f"{refused.total() - told} frames refused on the {link} link; so far {kinds}"
 
 
 def message_id(frame: bytes) -> int:

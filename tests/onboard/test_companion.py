@@ -12,6 +12,7 @@ from onboard.config import load_scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
+from onboard.protocol.signing import SignedLink, Signing, SigningKey
 from onboard.protocol.status_text import StatusTextAssembler
 
 SCENARIO = load_scenario(Path("configs/lab.yaml"))
@@ -204,3 +205,35 @@ def test_arbitrary_datagrams_on_every_link_never_raise_and_change_no_state(
         unit.receive(link, data, NOW)
     unit.tick(NOW + 0.02)
     assert unit.machine.state is FlightState.STANDBY
+
+
+def test_with_a_key_only_signed_commands_are_obeyed_and_refusals_are_told() -> None:
+    key = SigningKey(bytes(range(32)))
+    unit = Companion(SCENARIO, 1, NOW, Signing(key))
+    make_ready(unit)
+    unit.outbox()
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    for tick in range(30):
+        unit.tick(NOW + 0.02 * tick)
+    assert unit.machine.state is not FlightState.ARM
+    texts = StatusTextAssembler()
+    ground = received(unit, LinkName.GROUND)
+    told = [texts.receive(m) for m in ground if isinstance(m, mavlink.MAVLink_statustext_message)]
+    refused = "1 frames refused on the ground link; so far 1 unsigned"
+    assert (mavlink.MAV_SEVERITY_WARNING, refused) in told
+
+    make_ready(unit, NOW + 0.6)
+    ours = Signing(key)
+    ours.advance(NOW)
+    signed = Codec(255, 190, ours.link(SignedLink.GROUND))
+    unit.receive(LinkName.GROUND, signed.encode(start(NOW + 10)), NOW + 0.6)
+    assert unit.machine.state is FlightState.ARM
+
+
+def test_with_a_key_peers_and_ground_get_signed_frames_and_the_autopilot_plain_ones() -> None:
+    unit = Companion(SCENARIO, 1, NOW, Signing(SigningKey(bytes(range(32)))))
+    make_ready(unit)
+    for tick in range(60):
+        unit.tick(NOW + 0.02 * tick)
+    signed = {(link, bool(frame[2] & mavlink.MAVLINK_IFLAG_SIGNED)) for link, frame in unit.outbox()}
+    assert signed == {(LinkName.PEERS, True), (LinkName.GROUND, True), (LinkName.AUTOPILOT, False)}

@@ -59,7 +59,7 @@ def test_what_the_library_of_everybody_else_signs_is_accepted_here() -> None:
     theirs = mavlink.MAVLink(None, srcSystem=9, srcComponent=191)
     theirs.signing.secret_key = KEY.secret
     theirs.signing.timestamp = signing_time(NOW_S)
-    theirs.signing.link_id = PEERS
+    theirs.signing.link_id = SignedLink.PEERS
     theirs.signing.sign_outgoing = True
     assert End(1).hears(bytes(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3).pack(theirs)))
 
