@@ -21,6 +21,7 @@ from onboard.planning.warmup import warm_kernels
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.transport import Link, open_link
 from onboard.realtime import make_this_thread_urgent
+from onboard.signing_keeper import SigningKeeper
 
 __all__ = ["fly"]
 
@@ -41,11 +42,13 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
     Raises:
         KeyError: The scenario has no such vehicle.
         PlannerError: ``planner.use`` names no planner.
+        SigningError: The team's key cannot be used.
         TransportError: A link cannot be opened.
     """
     vehicle = scenario.vehicle(vehicle_id)
+    keeper = None if scenario.signing is None else SigningKeeper(scenario.signing, f"vehicle-{vehicle_id}")
     warm_kernels()
-    process = _Process(scenario, vehicle_id)
+    process = _Process(scenario, vehicle_id, keeper)
     try:
         await process.open(
             {
@@ -64,8 +67,9 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
 
 
 class _Process:
-    def __init__(self, scenario: Scenario, vehicle_id: int) -> None:
-        self._companion = Companion(scenario, vehicle_id, time.time())
+    def __init__(self, scenario: Scenario, vehicle_id: int, keeper: SigningKeeper | None) -> None:
+        self._keeper = keeper
+        self._companion = Companion(scenario, vehicle_id, time.time(), keeper.signing if keeper is not None else None)
         self._planner = load_planner(
             scenario.planner.use,
             PlannerSetup(scenario, vehicle_id, seed=vehicle_id, options=scenario.planner.options),
@@ -93,6 +97,7 @@ class _Process:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._stop)
+        keeping = None if self._keeper is None else loop.create_task(self._keeper.run())
         due = loop.time()
         leave_by = None
         while self._stops < 2:
@@ -109,6 +114,9 @@ class _Process:
                 loop.call_later(until_slot, self._plan)
             due = max(due + self._period_s, loop.time() - self._period_s)
             await asyncio.sleep(due - loop.time())
+        if keeping is not None:
+            keeping.cancel()
+            await asyncio.gather(keeping, return_exceptions=True)
 
     def _stop(self) -> None:
         self._stops += 1

@@ -25,6 +25,17 @@ def load_scenario(path: Path) -> Scenario:
     file = YamlFile(path)
     try:
         # JSON mode is the strict mode in which lists are tuples and nothing else is converted.
-        return Scenario.model_validate_json(json.dumps(file.data))
+        scenario = Scenario.model_validate_json(json.dumps(file.data))
     except ValidationError as error:
         raise ConfigError(describe(file, Scenario, error)) from None
+    return _with_absolute_paths(scenario, path.parent)
+
+
+def _with_absolute_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """Paths in a file mean the same wherever the program is started."""
+    if scenario.signing is None:
+        return scenario
+    absolute = {
+        name: str(folder.absolute() / Path(value).expanduser()) for name, value in scenario.signing.model_dump().items()
+    }
+    return scenario.model_copy(update={"signing": scenario.signing.model_copy(update=absolute)})

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-__all__ = ["PATTERN_MEANING", "LinkUrl", "ListenUrl", "ProviderName", "ScenarioName"]
+__all__ = ["PATTERN_MEANING", "FilePath", "LinkUrl", "ListenUrl", "ProviderName", "ScenarioName"]
 
 _NAME = r"^[A-Za-z0-9_.\-]+$"
 _PROVIDER = r"^[a-z_]+$"
@@ -32,6 +32,7 @@ def _port_exists(url: str) -> str:
     return url
 
 
+FilePath = Annotated[str, Field(min_length=1, max_length=4096)]
 ScenarioName = Annotated[str, Field(min_length=1, max_length=64, pattern=_NAME)]
 ProviderName = Annotated[str, Field(min_length=1, max_length=40, pattern=_PROVIDER)]
 LinkUrl = Annotated[str, Field(pattern=_LINK), AfterValidator(_port_exists)]

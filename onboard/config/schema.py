@@ -14,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from onboard.config.base import NonNegative, Positive, Section, SystemId
 from onboard.config.external import External
 from onboard.config.mocap import RealMocapConfig
-from onboard.config.patterns import LinkUrl, ListenUrl, ScenarioName
+from onboard.config.patterns import FilePath, LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple, overlap
 from onboard.config.simulation import OriginConfig, SimulationConfig
 from onboard.estimation.sensor import RangeBearingSensor
@@ -34,6 +34,7 @@ __all__ = [
     "PlannerConfig",
     "Scenario",
     "SensorConfig",
+    "SigningConfig",
     "TargetsConfig",
     "VehicleConfig",
 ]
@@ -275,6 +276,15 @@ class GroundConfig(Section):
     system_id: SystemId = 255
 
 
+class SigningConfig(Section):
+    """MAVLink 2 signing of the links between the vehicles and to the ground."""
+
+    key_file: FilePath = Field(description="the team's key, from arvi keygen; relative to this file")
+    state_folder: FilePath = Field(
+        default="~/.local/state/arvi", description="where a process keeps its timestamps over a restart"
+    )
+
+
 class Scenario(Section):
     """One configuration file."""
 
@@ -290,6 +300,7 @@ class Scenario(Section):
     vehicles: Annotated[tuple[VehicleConfig, ...], Field(min_length=1, max_length=MAX_SYSTEM_ID)]
     ground: GroundConfig = GroundConfig()
     mocap: RealMocapConfig | None = None
+    signing: SigningConfig | None = Field(default=None, description="null leaves peer and ground links unsigned")
     simulation: SimulationConfig | None = None
 
     @field_validator("primitives")

@@ -10,13 +10,13 @@ from __future__ import annotations
 import hashlib
 import hmac
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 
 from onboard.errors import OnboardError
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["KEY_BYTES", "LinkSigning", "SignedLink", "Signing", "SigningError", "SigningKey", "Verdict", "signing_time"]
+__all__ = ["KEY_BYTES", "LinkSigning", "SignedLink", "Signing", "SigningError", "SigningKey", "SigningPast", "Verdict", "signing_time"]
 
 KEY_BYTES = 32
 EPOCH_UNIX_S = 1_420_070_400
@@ -90,25 +90,36 @@ def signing_time(unix_s: float) -> int:
     return min(max(int((unix_s - EPOCH_UNIX_S) * TICKS_PER_S), 0), MAX_TICKS)
 
 
+@dataclass(frozen=True, slots=True)
+class SigningPast:
+    """What a process must not forget over a restart.
+
+    Attributes:
+        sent: The newest timestamp that it signed.
+        streams: The newest verified timestamp of each sender.
+    """
+
+    sent: int = 0
+    streams: Mapping[StreamId, int] = field(default_factory=dict)
+
+
 class Signing:
     """The signing state of one process: its key, its clock, and the streams that it knows.
 
     Args:
         key: The team's secret.
-        streams: Timestamps of an earlier run (:meth:`streams`), by sender; what is not newer is refused.
-        sent: The earlier run's :attr:`sent`; what is signed from now on is newer.
+        past: Of an earlier run: what is not newer is refused, and what is signed from now on is newer.
 
     Attributes:
         key: The team's secret.
         now: The present time, 10 µs since 2015; set by :meth:`advance`.
-        sent: The newest timestamp signed so far.
     """
 
-    def __init__(self, key: SigningKey, *, streams: Mapping[StreamId, int] | None = None, sent: int = 0) -> None:
+    def __init__(self, key: SigningKey, past: SigningPast = SigningPast()) -> None:  # noqa: B008 - immutable
         self.key = key
         self.now = 0
-        self.sent = sent
-        self._streams = dict(streams or {})
+        self._sent = past.sent
+        self._streams = dict(past.streams)
 
     def advance(self, unix_s: float) -> None:
         """Tell the time; a clock that is set back does not take signatures back."""
@@ -119,14 +130,14 @@ class Signing:
         return LinkSigning(self, int(link))
 
     @property
-    def streams(self) -> dict[StreamId, int]:
-        """The newest verified timestamp of each sender, to be kept over a restart."""
-        return dict(self._streams)
+    def past(self) -> SigningPast:
+        """A copy of what a restart must not forget."""
+        return SigningPast(self._sent, dict(self._streams))
 
     def next_timestamp(self) -> int:
         """A timestamp newer than all before."""
-        self.sent = min(max(self.sent + 1, self.now), MAX_TICKS)
-        return self.sent
+        self._sent = min(max(self._sent + 1, self.now), MAX_TICKS)
+        return self._sent
 
     def judge_time(self, stream: StreamId, timestamp: int) -> Verdict:
         """Whether a timestamp is acceptable on a stream; changes nothing."""

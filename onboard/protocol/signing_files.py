@@ -8,7 +8,7 @@ import secrets
 import stat
 from pathlib import Path
 
-from onboard.protocol.signing import TICKS_PER_S, Signing, SigningError, SigningKey
+from onboard.protocol.signing import TICKS_PER_S, Signing, SigningError, SigningKey, SigningPast
 
 __all__ = ["SAVE_PERIOD_S", "SigningState", "read_key", "write_new_key"]
 
@@ -85,21 +85,21 @@ class SigningState:
                 (int(system), int(component), int(link)): int(timestamp) + _LEASE_TICKS
                 for system, component, link, timestamp in kept["streams"]
             }
-            return Signing(key, streams=streams, sent=int(kept["sent"]) + _LEASE_TICKS)
+            return Signing(key, SigningPast(int(kept["sent"]) + _LEASE_TICKS, streams))
         except (ValueError, TypeError, KeyError):
             raise SigningError(
                 f"signing timestamps {self.path}: damaged; remove it one minute after the last flight, when "
                 "replays of that flight are too old to be taken"
             ) from None
 
-    def save(self, signing: Signing) -> None:
+    def save(self, past: SigningPast) -> None:
         """Keep the timestamps; the file is replaced as a whole.
 
         Raises:
             OSError: It cannot be written.
         """
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        streams = [[*stream, timestamp] for stream, timestamp in sorted(signing.streams.items())]
+        streams = [[*stream, timestamp] for stream, timestamp in sorted(past.streams.items())]
         beside = self.path.with_suffix(".new")
-        beside.write_text(json.dumps({"sent": signing.sent, "streams": streams}))
+        beside.write_text(json.dumps({"sent": past.sent, "streams": streams}))
         beside.replace(self.path)

@@ -143,7 +143,7 @@ def test_a_restart_refuses_what_the_run_before_had_heard() -> None:
     sender, receiver = End(7), End(1)
     frame = sender.say()
     assert receiver.hears(frame)
-    restarted = Signing(KEY, streams=receiver.signing.streams, sent=receiver.signing.sent)
+    restarted = Signing(KEY, receiver.signing.past)
     restarted.advance(NOW_S + 1.0)
     codec = Codec(1, 191, restarted.link(SignedLink.PEERS))
     assert codec.decode(frame) == []
