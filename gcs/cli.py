@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from gcs.experiment_command import experiment
+from gcs.keygen_command import keygen
 from gcs.plan_command import plan
 from gcs.version import program_version
 
@@ -234,6 +235,7 @@ def check(
 
 app.command()(plan)
 app.command()(experiment)
+app.command()(keygen)
 
 
 def _load(config: Path) -> Scenario:

@@ -16,7 +16,17 @@ from enum import IntEnum, StrEnum
 from onboard.errors import OnboardError
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["KEY_BYTES", "LinkSigning", "SignedLink", "Signing", "SigningError", "SigningKey", "SigningPast", "Verdict", "signing_time"]
+__all__ = [
+    "KEY_BYTES",
+    "LinkSigning",
+    "SignedLink",
+    "Signing",
+    "SigningError",
+    "SigningKey",
+    "SigningPast",
+    "Verdict",
+    "signing_time",
+]
 
 KEY_BYTES = 32
 EPOCH_UNIX_S = 1_420_070_400
@@ -115,7 +125,7 @@ class Signing:
         now: The present time, 10 µs since 2015; set by :meth:`advance`.
     """
 
-    def __init__(self, key: SigningKey, past: SigningPast = SigningPast()) -> None:  # noqa: B008 - immutable
+    def __init__(self, key: SigningKey, past: SigningPast = SigningPast()) -> None:
         self.key = key
         self.now = 0
         self._sent = past.sent

@@ -1,0 +1,38 @@
+"""``arvi keygen``: a new signing key for a team."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["keygen"]
+
+EXIT_BAD_INPUT = 2
+
+
+def keygen(
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="Where to write it, e.g. team.key; never replaced.")],
+) -> None:
+    """Make a signing key for a team: 32 random bytes, readable by its owner alone.
+
+    Copy it to every vehicle and to the ground station, each with mode 0600, and name it in the scenario:
+
+        signing: {key_file: team.key}
+
+    From then on peers and ground refuse what the key did not sign. A new key takes effect when the processes start
+    again: change it while the vehicles are on the ground.
+
+    **Example**: `arvi keygen team.key`
+    """
+    from onboard.protocol.signing import SigningError  # noqa: PLC0415 - the dialect loads for a moment
+    from onboard.protocol.signing_files import write_new_key  # noqa: PLC0415
+
+    try:
+        write_new_key(path)
+    except SigningError as error:
+        sys.stderr.write(f"{error}\n")
+        raise typer.Exit(EXIT_BAD_INPUT) from None
+    typer.echo(f"{path}: a new key, mode 0600. Name it in the scenario as  signing: {{key_file: {path.name}}}")
