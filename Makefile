@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test check format generate clean
+.PHONY: help venv demo test check fuzz format generate clean
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | column -t -s '	'
@@ -32,6 +32,11 @@ check: .venv/dev.stamp  ## lint, types, generated files up to date
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m onboard.protocol.generate --check
+
+RUNS ?= 20000
+
+fuzz: .venv/dev.stamp  ## feed every target RUNS mutated inputs (20000); python -m fuzzing --help has more
+	$(BIN)/python -m fuzzing --runs $(RUNS)
 
 format: .venv/dev.stamp  ## format the code and mend what ruff can mend
 	$(BIN)/ruff format .

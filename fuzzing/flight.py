@@ -1,0 +1,229 @@
+"""One onboard computer in flight, with a well-behaved autopilot and team, into whose links a fuzzer writes.
+
+Genuine frames keep the flight going, so that the fuzzer's reach an agent which has tracks, plans and a map; its own are
+copies of genuine ones with some of their bytes replaced, and always have a valid checksum.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fuzzing.source import ByteSource
+from onboard.companion import COMPONENT, Companion, LinkName
+from onboard.config import load_scenario
+from onboard.messages import FlightState
+from onboard.planning.plan import Budget
+from onboard.planning.pluggable import PlannerSetup, load_planner
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec
+from onboard.protocol.team_messages import primitives_checksum
+
+__all__ = ["BrokenPromiseError", "FuzzedFlight"]
+
+LAB = load_scenario(Path(__file__).parent.parent / "configs" / "lab.yaml")
+BEGUN_S = 1_800_000_000.0
+START_S = BEGUN_S + 10.0
+TICK_S = 0.02
+MAX_HOSTILE = 6
+"""Fuzzed frames of one input at most."""
+MAX_INPUTS = 500
+MAX_INPUTS_ELSEWHERE = 30
+OFFBOARD = 6 << 16
+
+_CHECKSUM = primitives_checksum(LAB.primitive_set)
+_ALL_MESSAGES = sorted(mavlink.mavlink_map)
+_SENDERS = ((1, 1), (2, COMPONENT), (3, COMPONENT), (LAB.ground.system_id, 190), (250, 1), (1, COMPONENT), (77, 77))
+_FLOATS = (math.nan, math.inf, -math.inf, 0.0, -1.0, 3e38, 1e-38, 4.0)
+_NUMBERS = (*(struct.pack("<f", value) for value in _FLOATS), b"\xff\xff\xff\xff", b"\0\0\0\x80")
+
+
+class BrokenPromiseError(AssertionError):
+    """A target did not raise, and still did what it must not."""
+
+
+class _KinematicAutopilot:
+    """Does what it is told at once; enough to keep the flight states going."""
+
+    def __init__(self, system_id: int, north_m: float, east_m: float) -> None:
+        self.north_m, self.east_m, self.down_m, self.yaw_rad = north_m, east_m, 0.0, 0.0
+        self._codec = Codec(system_id, 1)
+        self._mode = 4 << 16 | 3 << 24
+        self._armed = False
+        self._frames: list[bytes] = []
+
+    def receive(self, message: mavlink.MAVLink_message) -> None:
+        """Obey a command or fly a setpoint for one tick."""
+        if isinstance(message, mavlink.MAVLink_set_position_target_local_ned_message):
+            values = (message.vx, message.vy, message.vz, message.z, message.yaw, message.yaw_rate)
+            if not all(math.isfinite(value) for value in values):
+                raise BrokenPromiseError(f"a setpoint that is not finite: {values}")
+            self.north_m += TICK_S * message.vx
+            self.east_m += TICK_S * message.vy
+            self.down_m, self.yaw_rad = message.z, message.yaw
+        elif isinstance(message, mavlink.MAVLink_command_long_message):
+            if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+                self._armed = message.param1 == 1.0
+            elif message.command == mavlink.MAV_CMD_DO_SET_MODE:
+                self._mode = int(message.param2) << 16 | int(message.param3) << 24
+            ack = mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_ACCEPTED)
+            self._frames.append(self._codec.encode(ack))
+
+    def frames(self, boot_ms: int) -> list[bytes]:
+        """What it says now."""
+        mode = 1 | (mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0)
+        messages = (
+            mavlink.MAVLink_heartbeat_message(2, 12, mode, self._mode, 4 if self._armed else 3, 3),
+            mavlink.MAVLink_sys_status_message(0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, *[0] * 10),
+            mavlink.MAVLink_local_position_ned_message(boot_ms, self.north_m, self.east_m, self.down_m, 0.0, 0.0, 0.0),
+            mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, self.yaw_rad, 0.0, 0.0, 0.0),
+        )
+        frames, self._frames = self._frames, []
+        return frames + [self._codec.encode(message) for message in messages]
+
+
+class FuzzedFlight:
+    """A flight of the lab's vehicle 1, in its mission."""
+
+    def __init__(self) -> None:
+        self._inputs = 0
+        self._inputs_elsewhere = 0
+        self.unit = Companion(LAB, 1, BEGUN_S)
+        self._time_s = BEGUN_S
+        self._autopilot = _KinematicAutopilot(1, *LAB.vehicle(1).home)
+        self._reader = Codec(99, 1)
+        self._planner = load_planner("greedy", PlannerSetup(LAB, 1, seed=1, options={}))
+        self._peer = Codec(2, COMPONENT)
+        self._tick()
+        self.unit.receive(LinkName.GROUND, Codec(LAB.ground.system_id, 190).encode(_start()), BEGUN_S)
+        while self._time_s < START_S:
+            self._tick()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether a new flight would be more interesting: this one is long, or has been ended by a command."""
+        return self._inputs >= MAX_INPUTS or self._inputs_elsewhere >= MAX_INPUTS_ELSEWHERE
+
+    def feed(self, data: bytes) -> None:
+        """Write an input's frames into the links, let time pass, and look whether all promises are kept.
+
+        Raises:
+            BrokenPromiseError: One is not.
+        """
+        self._inputs += 1
+        self._inputs_elsewhere += self.unit.machine.state not in (FlightState.HOLD, FlightState.TRACK)
+        source = ByteSource(data)
+        for _ in range(MAX_HOSTILE):
+            if not source.left:
+                break
+            link = source.pick(list(LinkName))
+            self.unit.receive(link, self._hostile(source, link), self._time_s)
+        for _ in range(1 + source.below(10)):
+            self._tick()
+        self._check_tracks()
+
+    def _tick(self) -> None:
+        self._time_s += TICK_S
+        for frame in self._autopilot.frames(round(1e3 * (self._time_s - BEGUN_S))):
+            self.unit.receive(LinkName.AUTOPILOT, frame, self._time_s)
+        if round(self._time_s / TICK_S) % 25 == 0:
+            for genuine in (self._status(), self._belief(), self._plan()):
+                self.unit.receive(LinkName.PEERS, self._peer.encode(genuine), self._time_s)
+            self.unit.receive(LinkName.SENSOR, Codec(250, 1).encode(self._detection()), self._time_s)
+        self.unit.tick(self._time_s)
+        job = self.unit.planning_job(self._time_s)
+        if job is not None:
+            self.unit.planned(job, self._planner.plan(job.problem, Budget(nodes=200)), self._time_s)
+        for link, frame in self.unit.outbox():
+            if link is LinkName.AUTOPILOT:
+                for message in self._reader.decode(frame):
+                    self._autopilot.receive(message)
+
+    def _check_tracks(self) -> None:
+        agent = self.unit.agent
+        for track in () if agent is None else agent.tracks.values():
+            matrix, vector = track.information_matrix, track.information_vector
+            if not (np.isfinite(matrix).all() and np.isfinite(vector).all() and np.array_equal(matrix, matrix.T)):
+                raise BrokenPromiseError(f"target {track.target_id}: not finite or not symmetric: {matrix}")
+            if not (np.linalg.eigvalsh(matrix) > 0.0).all():
+                raise BrokenPromiseError(f"target {track.target_id}: not positive definite: {matrix}")
+
+    # Genuine messages, of which the hostile ones are damaged copies.
+
+    def _usec(self) -> int:
+        step = round((self._time_s - START_S) / LAB.mission.step_s)
+        return round(1e6 * (START_S + step * LAB.mission.step_s))
+
+    def _belief(self) -> mavlink.MAVLink_target_belief_message:
+        vector, matrix = [8.0, 16.0, 0.0, 0.0], [4.0, 0.0, 4.0, *[0.0] * 7]
+        return mavlink.MAVLink_target_belief_message(self._usec(), vector, matrix, 2, 1, 1)
+
+    def _plan(self) -> mavlink.MAVLink_arvi_plan_message:
+        controls = [0] * 64
+        return mavlink.MAVLink_arvi_plan_message(
+            self._usec(), 2.0, 4.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.2, 100, 10, _CHECKSUM, controls, 12, 3
+        )
+
+    def _status(self) -> mavlink.MAVLink_planner_status_message:
+        fields: dict[str, Any] = dict.fromkeys(mavlink.MAVLink_planner_status_message.fieldnames, 0)
+        fields |= {"time_usec": self._usec(), "mission_start_usec": round(1e6 * START_S), "north": 2.0, "east": 6.0}
+        fields |= {"down": -1.7, "state": 5, "group_size": 2, "neighbours": [1] + [0] * 31}
+        return mavlink.MAVLink_planner_status_message(**fields)
+
+    def _detection(self) -> mavlink.MAVLink_target_detection_message:
+        return mavlink.MAVLink_target_detection_message(round(1e6 * self._time_s), 0.5, 0.3, 1)
+
+    def _hostile(self, source: ByteSource, link: LinkName) -> bytes:
+        """A frame with a valid checksum; who sends it and what it says come from the fuzzer."""
+        genuine: tuple[mavlink.MAVLink_message, ...] = {
+            LinkName.PEERS: (self._belief(), self._plan(), self._status(), _tile()),
+            LinkName.SENSOR: (self._detection(),),
+            LinkName.GROUND: (_start(), _long(mavlink.MAV_CMD_DO_PAUSE_CONTINUE), _long(mavlink.MAV_CMD_NAV_LAND)),
+            LinkName.AUTOPILOT: _AUTOPILOT_SAYS,
+        }[link]
+        if source.below(8) == 0:
+            kind = mavlink.mavlink_map[source.pick(_ALL_MESSAGES)]
+            payload = bytearray(source.take(kind.unpacker.size))
+        else:
+            message = source.pick(genuine)
+            kind = type(message)
+            message.pack(mavlink.MAVLink(None))
+            payload = bytearray((message.get_payload() or b"").ljust(kind.unpacker.size, b"\0"))
+        for _ in range(source.below(4)):
+            at = source.below(max(len(payload), 1)) & ~3
+            word = source.pick((*_NUMBERS, source.take(4)))
+            payload[at : at + 4] = word[: len(payload) - at]
+        system, component = source.pick(_SENDERS)
+        header = bytes([len(payload), 0, 0, 0, system, component]) + kind.id.to_bytes(3, "little")
+        checksum = mavlink.x25crc(header + bytes(payload) + bytes([kind.crc_extra]))
+        return b"\xfd" + header + bytes(payload) + struct.pack("<H", checksum.crc)
+
+
+def _start() -> mavlink.MAVLink_command_int_message:
+    return mavlink.MAVLink_command_int_message(
+        1, COMPONENT, 0, mavlink.MAV_CMD_ARVI_START, 0, 0, 0, 0, 0, 0, round(START_S), 0, 0
+    )
+
+
+def _long(command: int) -> mavlink.MAVLink_command_long_message:
+    return mavlink.MAVLink_command_long_message(1, COMPONENT, command, 0, *[0.0] * 7)
+
+
+def _tile() -> mavlink.MAVLink_explored_tile_message:
+    return mavlink.MAVLink_explored_tile_message(0, 0, round(1000 * LAB.exploration.cell_m), [255] * 128)
+
+
+_AUTOPILOT_SAYS: tuple[mavlink.MAVLink_message, ...] = (
+    mavlink.MAVLink_heartbeat_message(2, 12, 145, OFFBOARD, 4, 3),
+    mavlink.MAVLink_local_position_ned_message(1000, 1.0, 2.8, -1.0, 0.0, 0.0, 0.0),
+    mavlink.MAVLink_attitude_message(1000, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
+    mavlink.MAVLink_sys_status_message(0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, *[0] * 10),
+    mavlink.MAVLink_extended_sys_state_message(0, 2),
+    mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, 0),
+    mavlink.MAVLink_statustext_message(4, b"text", 1, 0),
+    mavlink.MAVLink_timesync_message(0, 1),
+)
