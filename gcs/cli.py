@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from gcs.conformance_command import conformance
 from gcs.experiment_command import experiment
 from gcs.keygen_command import keygen
 from gcs.plan_command import plan
@@ -236,6 +237,7 @@ def check(
 app.command()(plan)
 app.command()(experiment)
 app.command()(keygen)
+app.command()(conformance)
 
 
 def _load(config: Path) -> Scenario:

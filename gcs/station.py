@@ -16,7 +16,7 @@ from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec, message_id, split_frames
 from onboard.protocol.commands import CommandClient, CommandOutcome
-from onboard.protocol.transport import Address, Link, open_link
+from onboard.protocol.transport import Address, DatagramLink, open_datagram_link
 
 __all__ = ["GroundStation"]
 
@@ -66,7 +66,7 @@ class GroundStation:
         self._clock = clock
         self._codec = Codec(scenario.ground.system_id, COMPONENT_ID)
         self._commands = CommandClient()
-        self._link: Link | None = None
+        self._link: DatagramLink | None = None
         self._routes: dict[tuple[int, int], Address] = {}
         self._route_s: dict[tuple[int, int], float] = {}
         self._names: dict[tuple[int, int], str] = {}
@@ -83,7 +83,7 @@ class GroundStation:
         Raises:
             TransportError: The port is in use.
         """
-        self._link = await open_link(self._scenario.ground.url, receive_from=self.receive)
+        self._link = await open_datagram_link(self._scenario.ground.url, receive_from=self.receive)
 
     def close(self) -> None:
         """Stop listening."""

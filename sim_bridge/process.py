@@ -17,7 +17,7 @@ from typing import Any
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
-from onboard.protocol.transport import Link, TransportError, open_link
+from onboard.protocol.transport import Link, TransportError, open_datagram_link
 from onboard.realtime import make_this_thread_urgent
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.bridge import Bridge, Port, build_bridge
@@ -101,7 +101,7 @@ class BridgeProcess:
     async def _open(
         self, url: str, receive: Callable[[bytes], None] | None = None, local: Address | None = None
     ) -> Link:
-        link = await open_link(url, receive, local=local)
+        link = await open_datagram_link(url, receive, local=local)
         self._links.append(link)
         return link
 

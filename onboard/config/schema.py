@@ -14,7 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from onboard.config.base import NonNegative, Positive, Section, SystemId
 from onboard.config.external import External
 from onboard.config.mocap import RealMocapConfig
-from onboard.config.patterns import FilePath, LinkUrl, ListenUrl, ScenarioName
+from onboard.config.patterns import AutopilotUrl, FilePath, LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple, overlap
 from onboard.config.simulation import OriginConfig, SimulationConfig
 from onboard.estimation.sensor import RangeBearingSensor
@@ -209,7 +209,7 @@ class FlightConfig(Section):
 class LinksConfig(Section):
     """The four links of one onboard process; what is left out follows PX4's ports for its system id."""
 
-    autopilot: LinkUrl | None = None
+    autopilot: AutopilotUrl | None = None
     peers: LinkUrl | None = None
     sensor: LinkUrl | None = None
     ground: LinkUrl | None = None

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.signing import LinkSigning, Verdict
 
-__all__ = ["BROADCAST", "Codec", "RefusalNotice", "split_frames"]
+__all__ = ["BROADCAST", "Codec", "RefusalNotice", "frame_length", "message_id", "split_frames"]
 
 BROADCAST = 0
 """Target system or component that addresses everybody."""
@@ -100,7 +100,7 @@ def split_frames(datagram: bytes) -> Iterator[bytes | None]:
     position, end = 0, len(datagram)
     in_garbage = False
     while position < end:
-        length = _frame_length(datagram, position)
+        length = frame_length(datagram, position)
         if length is None or position + length > end:
             if not in_garbage:
                 yield None
@@ -112,7 +112,7 @@ def split_frames(datagram: bytes) -> Iterator[bytes | None]:
         position += length
 
 
-def _frame_length(data: bytes, start: int) -> int | None:
+def frame_length(data: bytes | bytearray, start: int) -> int | None:
     """Length of the frame that starts here, from its header; None when no header starts here."""
     magic = data[start]
     if magic == _MAGIC_V2 and start + 10 <= len(data):

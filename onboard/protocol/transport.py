@@ -1,10 +1,12 @@
-"""UDP links under asyncio: the only place of this package that owns sockets.
+"""Links under asyncio: with :mod:`onboard.protocol.byte_links` the only place of this package that owns sockets.
 
-A link is named by a URL, as in the configuration:
+A link is named by a URL, as in the configuration; two slashes after the first colon change nothing:
 
 - ``udpin:HOST:PORT`` listens, and sends to the address heard from last;
 - ``udpout:HOST:PORT`` sends there and receives its answers;
-- ``mcast:GROUP:PORT`` sends to a multicast group and receives what others send to it.
+- ``mcast:GROUP:PORT`` sends to a multicast group and receives what others send to it;
+- ``tcp:HOST:PORT`` connects to a server, again and again when the connection is lost;
+- ``serial:DEVICE:BAUD`` is a serial port, opened again when the device comes back.
 """
 
 from __future__ import annotations
@@ -15,55 +17,38 @@ import logging
 import socket
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import cast
+from typing import Protocol, cast
 
-from onboard.errors import OnboardError
+from onboard.protocol.byte_links import SerialLink, TcpLink
+from onboard.protocol.link_url import LinkUrl, TransportError
 
-__all__ = ["Address", "Link", "LinkUrl", "TransportError", "open_link"]
+__all__ = ["Address", "DatagramLink", "Link", "LinkUrl", "TransportError", "open_datagram_link", "open_link"]
 
 Address = tuple[str, int]
 
 _log = logging.getLogger(__name__)
 
 
-class TransportError(OnboardError):
-    """A link that cannot be opened; the text names its URL and the reason."""
-
-
-@dataclass(frozen=True, slots=True)
-class LinkUrl:
-    """A link's URL in parts.
+class Link(Protocol):
+    """One open link; made by :func:`open_link`.
 
     Attributes:
-        kind: ``udpin``, ``udpout`` or ``mcast``.
-        host: Host name or address.
-        port: UDP port.
+        bytes_sent: Payload handed to the system, bytes.
+        bytes_received: Payload received, bytes.
     """
 
-    kind: str
-    host: str
-    port: int
+    bytes_sent: int
+    bytes_received: int
 
-    @classmethod
-    def parse(cls, url: str) -> LinkUrl:
-        """The parts of a URL.
+    def send(self, data: bytes) -> None:
+        """Send to the link's remote; dropped while there is none, or after closing."""
 
-        Raises:
-            TransportError: It is none of the three kinds.
-        """
-        kind, _, rest = url.partition(":")
-        host, _, port = rest.rpartition(":")
-        if kind not in ("udpin", "udpout", "mcast") or not host or not port.isdigit() or not 0 < int(port) < 65536:
-            raise TransportError(f"{url!r} is no link; udpin:HOST:PORT, udpout:HOST:PORT or mcast:GROUP:PORT is")
-        return cls(kind, host, int(port))
-
-    def __str__(self) -> str:
-        return f"{self.kind}:{self.host}:{self.port}"
+    def close(self) -> None:
+        """Close the link; sending afterwards does nothing."""
 
 
-class Link(asyncio.DatagramProtocol):
-    """One open UDP link; made by :func:`open_link`.
+class DatagramLink(asyncio.DatagramProtocol):
+    """One open UDP link.
 
     Attributes:
         bytes_sent: Payload handed to the socket, bytes.
@@ -123,14 +108,32 @@ class Link(asyncio.DatagramProtocol):
         _log.debug("%s: %s", self.url, exc)
 
 
-async def open_link(
+async def open_link(url: str, receive: Callable[[bytes], None] | None = None) -> Link:
+    """Open a link; its callback runs in the event loop, one call for each datagram, or each frame of a byte stream.
+
+    Args:
+        url: One of the kinds above.
+        receive: Called with what arrives.
+
+    Raises:
+        TransportError: The URL is malformed, the address in use or not to be had; the text says which.
+    """
+    parts = LinkUrl.parse(url)
+    if parts.kind == "tcp":
+        return await TcpLink.open(parts, receive)
+    if parts.kind == "serial":
+        return SerialLink.open(parts, receive)
+    return await open_datagram_link(url, receive)
+
+
+async def open_datagram_link(
     url: str,
     receive: Callable[[bytes], None] | None = None,
     *,
     receive_from: Callable[[bytes, Address], None] | None = None,
     local: Address | None = None,
-) -> Link:
-    """Open a link; its callbacks run in the event loop, one call for each datagram.
+) -> DatagramLink:
+    """Open a UDP link; its callbacks run in the event loop, one call for each datagram.
 
     Args:
         url: ``udpin:HOST:PORT``, ``udpout:HOST:PORT`` or ``mcast:GROUP:PORT``.
@@ -143,14 +146,16 @@ async def open_link(
     """
     parts = LinkUrl.parse(url)
     loop = asyncio.get_running_loop()
-    link = Link(parts, receive, receive_from)
+    link = DatagramLink(parts, receive, receive_from)
     try:
         if parts.kind == "udpin":
             await loop.create_datagram_endpoint(lambda: link, local_addr=(parts.host, parts.port))
         elif parts.kind == "udpout":
             await loop.create_datagram_endpoint(lambda: link, remote_addr=(parts.host, parts.port), local_addr=local)
-        else:
+        elif parts.kind == "mcast":
             await loop.create_datagram_endpoint(lambda: link, sock=_multicast_socket(parts))
+        else:
+            raise TransportError(f"{url}: a UDP link is needed here")
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             port = local[1] if local is not None else parts.port

@@ -269,7 +269,7 @@ class Entry(_Data):
         state: What has to be so before.
         link: Which link it is about.
         dangerous: Whether it may crash a real autopilot.
-        builds: What other releases answer, by release; for the reader.
+        since: What releases from this one on do instead, e.g. ``"1.16"``.
         unlike: Why the simulated autopilot differs, if it does.
         steps: What is done and expected, in this order.
     """
@@ -279,7 +279,7 @@ class Entry(_Data):
     state: State
     link: Link = Link.ONBOARD
     dangerous: bool = False
-    builds: dict[str, str] = {}
+    since: dict[Annotated[str, Field(pattern=r"^\d+\.\d+$")], list[Step]] = {}
     unlike: str | None = None
     steps: Annotated[list[Step], Field(min_length=1)]
 
@@ -287,6 +287,12 @@ class Entry(_Data):
     def flies(self) -> bool:
         """Whether its motors run."""
         return self.state in FLYING or self.dangerous or any(_arms(step) for step in self.steps)
+
+    def steps_for(self, release: tuple[int, int] | None) -> list[Step]:
+        """What a release is expected to do: major and minor version; None for an unknown one."""
+        known = sorted((_release(text), steps) for text, steps in self.since.items())
+        newer = [steps for first, steps in known if release is not None and release >= first]
+        return newer[-1] if newer else self.steps
 
 
 class Catalogue(_Data):
@@ -339,11 +345,17 @@ def parse_catalogue(text: str, name: str) -> Catalogue:
         if entry.id in seen:
             raise CatalogueError(f"{name}: {entry.id}: there are two entries of this name")
         seen.add(entry.id)
-        for number, step in enumerate(entry.steps, 1):
-            mistake = _mistake(step, catalogue)
-            if mistake is not None:
-                raise CatalogueError(f"{name}: {entry.id}: step {number}: {mistake}")
+        for steps in (entry.steps, *entry.since.values()):
+            for number, step in enumerate(steps, 1):
+                mistake = _mistake(step, catalogue)
+                if mistake is not None:
+                    raise CatalogueError(f"{name}: {entry.id}: step {number}: {mistake}")
     return catalogue
+
+
+def _release(text: str) -> tuple[int, int]:
+    major, minor = text.split(".")
+    return int(major), int(minor)
 
 
 def _mistake(step: Step, catalogue: Catalogue) -> str | None:

@@ -74,6 +74,9 @@ class Wait:
     condition: Callable[[], bool] = lambda: False
 
 
+Vector = tuple[float, float, float]
+"""North, east, down."""
+
 T = TypeVar("T")
 Script = Generator[Wait, bool, T]
 """A sequence of sending and waiting that ends with a value."""
@@ -98,8 +101,8 @@ class SetpointStream:
 @dataclass(frozen=True, slots=True)
 class _Sample:
     time_s: float
-    position: tuple[float, float, float]
-    velocity: tuple[float, float, float]
+    position: Vector
+    velocity: Vector
     yaw_rad: float
     yaw_rate_rad_s: float
 
@@ -119,6 +122,7 @@ class Dialogue:
         heartbeat: The autopilot's last heartbeat.
         ready: SYS_STATUS's pre-arm health bit; None before the first.
         landed: From EXTENDED_SYS_STATE; None before the first.
+        release: Major and minor version, from AUTOPILOT_VERSION; None before the first.
         last_s: When a message of each id last came, s.
         heartbeat_s: When that came, s.
     """
@@ -134,6 +138,7 @@ class Dialogue:
     heartbeat_s: float = -math.inf
     ready: bool | None = None
     landed: bool | None = None
+    release: tuple[int, int] | None = None
     last_s: dict[int, float] = field(default_factory=dict)
     _streamed: tuple[float, int] = (-math.inf, 0)
     _out: list[Outgoing] = field(default_factory=list)
@@ -163,6 +168,8 @@ class Dialogue:
                 self.landed = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
             case mavlink.MAVLink_attitude_message():
                 self._yaw = (message.yaw, message.yawspeed)
+            case mavlink.MAVLink_autopilot_version_message():
+                self.release = (message.flight_sw_version >> 24 & 0xFF, message.flight_sw_version >> 16 & 0xFF)
             case mavlink.MAVLink_local_position_ned_message():
                 self._remember(message)
             case mavlink.MAVLink_timesync_message() if message.tc1 == 0:
@@ -205,7 +212,7 @@ class Dialogue:
         return None if self.heartbeat is None else self.heartbeat.custom_mode
 
     @property
-    def position(self) -> tuple[float, float, float]:
+    def position(self) -> Vector:
         """North, east, down, m; NaN before the first."""
         return self._samples[-1].position if self._samples else _NAN3
 
@@ -214,14 +221,14 @@ class Dialogue:
         """Heading, rad; NaN before the first."""
         return self._yaw[0]
 
-    def mean(self, over_s: float) -> tuple[tuple[float, float, float], tuple[float, float, float], float, float] | None:
-        """Position m, velocity m/s, yaw rad (last) and yaw rate rad/s, averaged over the last while; None if unknown."""
+    def mean(self, over_s: float) -> tuple[Vector, Vector, float, float] | None:
+        """Position m, velocity m/s, yaw rad (the last) and yaw rate rad/s over the last while; None if unknown."""
         recent = [sample for sample in self._samples if sample.time_s >= self.time_s - over_s]
         if not recent:
             return None
         count = len(recent)
 
-        def average(part: Callable[[_Sample], tuple[float, float, float]]) -> tuple[float, float, float]:
+        def average(part: Callable[[_Sample], Vector]) -> Vector:
             sums = [sum(part(sample)[axis] for sample in recent) for axis in range(3)]
             return sums[0] / count, sums[1] / count, sums[2] / count
 
@@ -285,7 +292,8 @@ class Dialogue:
 
         yield from self.wait(lambda: self.first(acknowledges) is not None, within_s)
         heard = self.first(acknowledges)
-        return None if heard is None else int(heard.message.result)
+        ack = None if heard is None else heard.message
+        return ack.result if isinstance(ack, mavlink.MAVLink_command_ack_message) else None
 
     def _mark(self, sent_s: float, sent_at: int) -> None:
         self.sent_s, self.sent_at = sent_s, sent_at

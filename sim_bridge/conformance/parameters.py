@@ -64,9 +64,7 @@ class ParameterKeeper:
     def _set(self, name: str, wire: float, param_type: int) -> Script[bool]:
         for _ in range(_ATTEMPTS):
             self.dialogue.send(
-                mavlink.MAVLink_param_set_message(
-                    self.dialogue.system_id, AUTOPILOT, name.encode(), wire, param_type
-                )
+                mavlink.MAVLink_param_set_message(self.dialogue.system_id, AUTOPILOT, name.encode(), wire, param_type)
             )
             answer = yield from self._answer(name)
             if answer is not None:
@@ -79,4 +77,5 @@ class ParameterKeeper:
 
         yield from self.dialogue.wait(lambda: self.dialogue.first(tells) is not None, _ANSWER_S)
         heard = self.dialogue.first(tells)
-        return None if heard is None else heard.message
+        value = None if heard is None else heard.message
+        return value if isinstance(value, mavlink.MAVLink_param_value_message) else None

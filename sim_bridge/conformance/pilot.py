@@ -20,6 +20,9 @@ __all__ = ["TAKEOFF_HEIGHT_M", "Pilot", "StateNotReachedError", "make_pilot"]
 TAKEOFF_HEIGHT_M = 3.0
 
 _READY_S = 120.0
+_READY_AGAIN_S = 5.0
+"""For an autopilot that did not get ready the last time."""
+
 _LAND_S = 60.0
 _TAKEOFF_S = 40.0
 _HOLD_S = 25.0
@@ -53,6 +56,7 @@ class Pilot:
     land_mode: int
     anchor: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _anchored: bool = False
+    _patience_s: float = _READY_S
 
     def reach(self, state: State) -> Script[None]:
         """Get into a state.
@@ -108,6 +112,9 @@ class Pilot:
     def _ask_for_messages(self) -> Script[None]:
         """Ask for what is needed and does not come, be it that an entry turned it off."""
         dialogue = self.dialogue
+        if dialogue.release is None:
+            yield from self._accepted(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+            yield from dialogue.wait(lambda: dialogue.release is not None, _ACK_S)
         for message_id, rate_hz in self._RATES_HZ.items():
             if dialogue.time_s - dialogue.last_s.get(message_id, -math.inf) > _STALE_S:
                 yield from self._accepted(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
@@ -126,11 +133,13 @@ class Pilot:
             yield from self._down()
         if dialogue.custom_mode != self.base_mode:
             yield from self._set_mode(self.base_mode)
+        patience_s = self._patience_s
         ready = yield from dialogue.wait(
-            lambda: bool(dialogue.ready) and self._shows(self.base_mode, armed=False), _READY_S
+            lambda: bool(dialogue.ready) and self._shows(self.base_mode, armed=False), patience_s
         )
+        self._patience_s = _READY_S if ready else _READY_AGAIN_S
         if not ready:
-            raise StateNotReachedError(f"not ready to arm within {_READY_S:g} s")
+            raise StateNotReachedError(f"not ready to arm within {patience_s:g} s")
 
     def _down(self) -> Script[None]:
         dialogue = self.dialogue
@@ -197,6 +206,7 @@ class Px4Pilot(Pilot):
     __slots__ = ()
 
     _OFFBOARD = 6 << 16
+    _TAKEOFF = 4 << 16 | 2 << 24
 
     def _set_mode(self, custom_mode: int) -> Script[bool]:
         main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
@@ -207,12 +217,11 @@ class Px4Pilot(Pilot):
         nan = math.nan
         if not (yield from self._accepted(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, nan, nan, nan, nan)):
             raise StateNotReachedError("takeoff is refused")
-        yield from dialogue.wait(lambda: not dialogue.landed, _TAKEOFF_S)
-        if not (
-            yield from dialogue.wait(
-                lambda: not dialogue.landed and self._shows(self.base_mode, armed=True), _TAKEOFF_S
-            )
-        ):
+        yield from dialogue.wait(lambda: self._shows(self._TAKEOFF, armed=True), _HEARTBEAT_S)
+        held = yield from dialogue.wait(
+            lambda: not dialogue.landed and self._shows(self.base_mode, armed=True), _TAKEOFF_S
+        )
+        if not held:
             raise StateNotReachedError(f"the takeoff does not end in hold within {_TAKEOFF_S:g} s")
 
     def _stream_accepted(self) -> Script[bool]:
@@ -257,4 +266,3 @@ def make_pilot(family: Family, dialogue: Dialogue, modes: dict[str, int]) -> Pil
     if family is Family.PX4:
         return Px4Pilot(dialogue, modes["LOITER"], modes["LAND"])
     return ArduPilotPilot(dialogue, modes["GUIDED"], modes["LAND"])
-

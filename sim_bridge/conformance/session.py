@@ -15,11 +15,13 @@ from sim_bridge.conformance.catalogue import Catalogue, Entry, Family, Link, Sta
 from sim_bridge.conformance.dialogue import Dialogue, Outgoing, Script, Wait
 from sim_bridge.conformance.parameters import ParameterKeeper
 from sim_bridge.conformance.pilot import StateNotReachedError, make_pilot
-from sim_bridge.conformance.steps import Difference, Performance
+from sim_bridge.conformance.steps import DifferenceError, Performance
 
 __all__ = ["Outcome", "Plan", "Result", "Session", "family_of", "select"]
 
 _FIRST_HEARTBEAT_S = 30.0
+_HEARTBEAT_LOST_S = 4.0
+_SILENCE_S = 10.0
 _AUTOPILOTS = {mavlink.MAV_AUTOPILOT_PX4: Family.PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: Family.ARDUPILOT}
 
 
@@ -164,10 +166,17 @@ class Session:
             if hindrance:
                 self.results.append(Result(entry, Outcome.SKIPPED, hindrance))
                 continue
+            if not (yield from dialogue.wait(self._heard_lately, _SILENCE_S)):
+                self.results.append(Result(entry, Outcome.SKIPPED, "the autopilot has fallen silent"))
+                self.problem = "the autopilot has fallen silent"
+                continue
             self.current = entry
             self.results.append((yield from self._perform(entry)))
             self.current = None
         yield from self._end()
+
+    def _heard_lately(self) -> bool:
+        return self.dialogue.time_s - self.dialogue.heartbeat_s < _HEARTBEAT_LOST_S
 
     def _perform(self, entry: Entry) -> Script[Result]:
         dialogue = self.dialogue
@@ -176,13 +185,11 @@ class Session:
         except StateNotReachedError as error:
             return Result(entry, Outcome.SKIPPED, f"state {entry.state} not reached: {error}")
         dialogue.forget()
-        performance = Performance(
-            dialogue, self.catalogue, self._keeper, self._pilot.anchor, self.plan.latency_s
-        )
+        performance = Performance(dialogue, self.catalogue, self._keeper, self._pilot.anchor, self.plan.latency_s)
         result = Result(entry, Outcome.HOLDS)
         try:
-            yield from performance.perform(entry.steps)
-        except Difference as difference:
+            yield from performance.perform(entry.steps_for(dialogue.release))
+        except DifferenceError as difference:
             result = replace(result, outcome=Outcome.DIFFERS, reason=str(difference))
         dialogue.end_stream()
         failed = yield from self._keeper.restore()
@@ -192,6 +199,8 @@ class Session:
         return replace(result, slowest_s=max(performance.delays_s, default=None))
 
     def _end(self) -> Script[None]:
+        if not self._heard_lately():
+            return
         failed = yield from self._keeper.restore()
         if failed:
             self.problem = f"parameters not put back: {', '.join(failed)}"

@@ -37,15 +37,18 @@ from sim_bridge.conformance.dialogue import AUTOPILOT, GROUND, Dialogue, Script,
 from sim_bridge.conformance.parameters import ParameterKeeper
 from sim_bridge.conformance.values import build_message, command_number, enumerator, mismatch, number
 
-__all__ = ["Difference", "Performance"]
+__all__ = ["DifferenceError", "Performance"]
 
 _PATIENCE_S = 2.0
 """How much longer than expected an answer is waited for, to tell a late one from none."""
 
+Judge = Callable[[Any], str | None]
+"""How a message of the right kind differs from what is wanted; None if it does not."""
+
 _MOTION_FIELDS = ("vn", "ve", "vd", "north", "east", "down", "yaw", "yaw_rate")
 
 
-class Difference(Exception):
+class DifferenceError(Exception):
     """The autopilot did something else than expected; the text says what. No error of the program."""
 
 
@@ -76,14 +79,14 @@ class Performance:
         """All steps, one after the other.
 
         Raises:
-            Difference: At the first expectation that does not hold.
+            DifferenceError: At the first expectation that does not hold.
         """
         self.start = self.dialogue.position
         for place, step in enumerate(steps, 1):
             try:
                 yield from self._perform(step)
-            except Difference as difference:
-                raise Difference(f"step {place}: {difference}") from None
+            except DifferenceError as difference:
+                raise DifferenceError(f"step {place}: {difference}") from None
 
     def _perform(self, step: Step) -> Script[None]:  # noqa: PLR0912 - a table of the vocabulary
         dialogue = self.dialogue
@@ -121,7 +124,7 @@ class Performance:
             case Parameter(parameter=values):
                 for name, value in values.items():
                     if not (yield from self.keeper.change(name, value)):
-                        raise Difference(f"parameter {name}: the autopilot does not take it")
+                        raise DifferenceError(f"parameter {name}: the autopilot does not take it")
             case Ground():
                 dialogue.ground = True
                 yield from dialogue.sleep(1.1)
@@ -132,14 +135,12 @@ class Performance:
         params = [number(value) for value in step.params]
         params += [0.0] * (7 - len(params))
         if step.as_int:
-            x, y = int(params[4]), int(params[5])
+            first, second, third, fourth, x, y, z = params
             message: mavlink.MAVLink_message = mavlink.MAVLink_command_int_message(
-                system, component, 0, self._command, 0, 0, *params[:4], x, y, params[6]
+                system, component, 0, self._command, 0, 0, first, second, third, fourth, int(x), int(y), z
             )
         else:
-            message = mavlink.MAVLink_command_long_message(
-                system, component, self._command, step.confirmation, *params
-            )
+            message = mavlink.MAVLink_command_long_message(system, component, self._command, step.confirmation, *params)
         self.dialogue.send(message)
 
     def _setpoint(self, step: Setpoint) -> mavlink.MAVLink_set_position_target_local_ned_message:
@@ -172,7 +173,7 @@ class Performance:
         command = self._command if step.of is None else command_number(step.of)
         results = [step.ack] if isinstance(step.ack, str) else step.ack
 
-        def unlike(message: mavlink.MAVLink_message) -> str | None:
+        def unlike(message: Any) -> str | None:
             if message.command != command:
                 return f"it is for command {message.command}"
             result = enumerator(type(message), "result", message.result)
@@ -184,9 +185,7 @@ class Performance:
 
         yield from self._expect("COMMAND_ACK", unlike, step.within, 0.0)
 
-    def _expect(
-        self, name: str, unlike: Callable[[mavlink.MAVLink_message], str | None], within: Within, after_s: float
-    ) -> Script[None]:
+    def _expect(self, name: str, unlike: Judge, within: Within, after_s: float) -> Script[None]:
         """Wait for a message that is not unlike what is wanted."""
         dialogue = self.dialogue
         limit_s = (TIME_CLASSES_S[within] if isinstance(within, str) else within) + self.latency_s
@@ -198,15 +197,17 @@ class Performance:
         yield from dialogue.wait(lambda: dialogue.first(wanted) is not None, max(remaining_s, 0.0))
         found = dialogue.first(wanted)
         if found is None:
-            raise Difference(self._instead(name, unlike, limit_s))
+            raise DifferenceError(self._instead(name, unlike, limit_s))
         delay_s = found.time_s - dialogue.sent_s
         if delay_s < after_s:
-            raise Difference(f"{name} as expected, but already after {delay_s:.2f} s instead of {after_s:g} s or more")
+            raise DifferenceError(
+                f"{name} as expected, but already after {delay_s:.2f} s instead of {after_s:g} s or more"
+            )
         if delay_s > limit_s:
-            raise Difference(f"{name} as expected, but only after {delay_s:.2f} s instead of {limit_s:g} s")
+            raise DifferenceError(f"{name} as expected, but only after {delay_s:.2f} s instead of {limit_s:g} s")
         self.delays_s.append(delay_s)
 
-    def _instead(self, name: str, unlike: Callable[[mavlink.MAVLink_message], str | None], limit_s: float) -> str:
+    def _instead(self, name: str, unlike: Judge, limit_s: float) -> str:
         came = [heard for heard in self.dialogue.heard[self.dialogue.sent_at :] if heard.message.get_type() == name]
         if not came:
             return f"no {name} within {limit_s + _PATIENCE_S:g} s"
@@ -221,7 +222,7 @@ class Performance:
         yield from dialogue.wait(lambda: dialogue.first(unwanted) is not None, duration_s)
         found = dialogue.first(unwanted)
         if found is not None:
-            raise Difference(f"{name} after {found.time_s - dialogue.sent_s:.2f} s, none expected")
+            raise DifferenceError(f"{name} after {found.time_s - dialogue.sent_s:.2f} s, none expected")
 
     def _keeps(self, vehicle: Vehicle, duration_s: float) -> Script[None]:
         dialogue = self.dialogue
@@ -229,13 +230,13 @@ class Performance:
         yield from dialogue.sleep(duration_s)
         beats = [heard for heard in dialogue.heard[begin:] if heard.message.get_type() == "HEARTBEAT"]
         if not beats:
-            raise Difference(f"no HEARTBEAT in {duration_s:g} s")
+            raise DifferenceError(f"no HEARTBEAT in {duration_s:g} s")
         for beat in beats:
             unlike = self._unlike(beat.message, vehicle)
             if unlike is not None:
-                raise Difference(f"HEARTBEAT: {unlike}")
+                raise DifferenceError(f"HEARTBEAT: {unlike}")
 
-    def _unlike(self, message: mavlink.MAVLink_message, vehicle: Vehicle) -> str | None:
+    def _unlike(self, message: Any, vehicle: Vehicle) -> str | None:
         if vehicle.mode is not None and message.custom_mode != self.catalogue.modes[vehicle.mode]:
             return f"mode {self.catalogue.mode_name(message.custom_mode)}, {vehicle.mode} expected"
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
@@ -250,7 +251,7 @@ class Performance:
     def _moves(self, motion: Motion, over_s: float) -> None:
         mean = self.dialogue.mean(over_s)
         if mean is None:
-            raise Difference("no LOCAL_POSITION_NED lately")
+            raise DifferenceError("no LOCAL_POSITION_NED lately")
         position, velocity, yaw_rad, yaw_rate_rad_s = mean
         place = [now - then for now, then in zip(position, self.start, strict=True)]
         actual = dict(zip(_MOTION_FIELDS, (*velocity, *place, yaw_rad, yaw_rate_rad_s), strict=True))
@@ -262,7 +263,7 @@ class Performance:
                 middle = 0.5 * (low + high)
                 value = middle + (value - middle + math.pi) % math.tau - math.pi
             if not low <= value <= high:
-                raise Difference(f"{name} is {value:.2f}, {low:g} to {high:g} expected")
+                raise DifferenceError(f"{name} is {value:.2f}, {low:g} to {high:g} expected")
 
     def _rate(self, name: str, hz: tuple[float, float], duration_s: float) -> Script[None]:
         dialogue = self.dialogue
@@ -270,14 +271,15 @@ class Performance:
         yield from dialogue.sleep(duration_s)
         count = sum(heard.message.get_type() == name for heard in dialogue.heard[begin:])
         if not hz[0] <= count / duration_s <= hz[1]:
-            raise Difference(f"{name} came {count / duration_s:.1f} times a second, {hz[0]:g} to {hz[1]:g} expected")
+            raise DifferenceError(
+                f"{name} came {count / duration_s:.1f} times a second, {hz[0]:g} to {hz[1]:g} expected"
+            )
 
 
-def _says(message: mavlink.MAVLink_message, pattern: str) -> str | None:
+def _says(message: Any, pattern: str) -> str | None:
     return None if re.search(pattern, message.text) else f"{message.text!r}, {pattern!r} expected"
 
 
-def _readiness(message: mavlink.MAVLink_message, ready: bool) -> str | None:
+def _readiness(message: Any, ready: bool) -> str | None:
     is_ready = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
     return None if is_ready == ready else f"the pre-arm bit is {is_ready}, {ready} expected"
-

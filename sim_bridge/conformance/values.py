@@ -94,9 +94,15 @@ def mismatch(message: mavlink.MAVLink_message, fields: dict[str, Any]) -> str | 
 
 def enumerator(kind: type[mavlink.MAVLink_message], field: str, value: int) -> str:
     """The name of an enumerated field's value without its prefix, or the number."""
-    enum = kind.fieldenums_by_name.get(field)
-    entry = mavlink.enums.get(enum, {}).get(value) if enum else None
-    return str(value) if entry is None else _short(entry.name, str(enum))
+    enum, entries = _enum(kind, field)
+    entry = entries.get(value)
+    return str(value) if entry is None else _short(entry.name, enum)
+
+
+def _enum(kind: type[mavlink.MAVLink_message], field: str) -> tuple[str, dict[int, Any]]:
+    """An enumerated field's enumeration: its name, and its entries by value; none for another field."""
+    name: str = kind.fieldenums_by_name.get(field, "")
+    return name, mavlink.enums[name] if name else {}
 
 
 def _constant(constant: str, name: str) -> int:
@@ -111,11 +117,8 @@ def _short(name: str, enum: str) -> str:
 
 
 def _enum_value(kind: type[mavlink.MAVLink_message], field: str, name: str) -> int | None:
-    enum = kind.fieldenums_by_name.get(field)
-    for value, entry in mavlink.enums.get(enum, {}).items() if enum else ():
-        if _short(entry.name, enum) == name:
-            return int(value)
-    return None
+    enum, entries = _enum(kind, field)
+    return next((value for value, entry in entries.items() if _short(entry.name, enum) == name), None)
 
 
 def _sendable(kind: type[mavlink.MAVLink_message], field: str, value: Any) -> Any:
@@ -132,18 +135,22 @@ def _matches(kind: type[mavlink.MAVLink_message], field: str, actual: Any, expec
         low, high = expected
         return bool(low <= actual <= high)
     if isinstance(expected, str):
-        if expected.startswith("~"):
-            return re.search(expected[1:], str(actual)) is not None
-        if expected.startswith("int32:"):
-            return bool(struct.pack("<f", actual) == struct.pack("<i", int(expected[6:])))
-        if isinstance(actual, str):
-            return actual == expected
-        return bool(_enum_value(kind, field, expected) == actual)
+        return _matches_text(kind, field, actual, expected)
     if isinstance(expected, float) and math.isnan(expected):
         return math.isnan(actual)
     if isinstance(actual, float):
-        return abs(actual - expected) <= _TOLERANCE * max(1.0, abs(expected))
+        return bool(abs(actual - expected) <= _TOLERANCE * max(1.0, abs(expected)))
     return bool(actual == expected)
+
+
+def _matches_text(kind: type[mavlink.MAVLink_message], field: str, actual: Any, expected: str) -> bool:
+    if expected.startswith("~"):
+        return re.search(expected[1:], str(actual)) is not None
+    if expected.startswith("int32:"):
+        return struct.pack("<f", actual) == struct.pack("<i", int(expected[6:]))
+    if isinstance(actual, str):
+        return actual == expected
+    return bool(_enum_value(kind, field, expected) == actual)
 
 
 def _readable(kind: type[mavlink.MAVLink_message], field: str, actual: Any) -> str:

@@ -9,7 +9,7 @@ from onboard.config import load_scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.px4_modes import Px4Mode
-from onboard.protocol.transport import open_link
+from onboard.protocol.transport import open_datagram_link, open_link
 from sim_bridge.ports import find_ports
 
 LANDING_S = 0.4
@@ -23,7 +23,7 @@ class Autopilot:
         self.lands_at = None
 
     async def open(self, local, ground):
-        self.link = await open_link(f"udpout:{ground[0]}:{ground[1]}", self.from_ground, local=local)
+        self.link = await open_datagram_link(f"udpout:{ground[0]}:{ground[1]}", self.from_ground, local=local)
 
     def from_ground(self, datagram: bytes) -> None:
         for message in self.codec.decode(datagram):

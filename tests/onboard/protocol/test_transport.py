@@ -1,10 +1,15 @@
-"""UDP links on the loopback interface."""
+"""Links on the loopback interface, and on a pseudo terminal."""
 
 import asyncio
+import os
 import socket
+import termios
 
 import pytest
 
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.byte_links import TcpLink
+from onboard.protocol.codec import Codec
 from onboard.protocol.transport import Link, LinkUrl, TransportError, open_link
 
 
@@ -51,12 +56,136 @@ async def test_sending_on_a_closed_link_does_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    "url", ["", "udpin", "udpin:127.0.0.1", "tcp:127.0.0.1:1", "udpin:127.0.0.1:99999", "udpin::5"]
+    "url",
+    ["", "udpin", "udpin:127.0.0.1", "tls:127.0.0.1:1", "udpin:127.0.0.1:99999", "udpin::5", "serial:57600", "tcp:h:0"],
 )
 def test_a_malformed_url_is_named(url: str) -> None:
     with pytest.raises(TransportError, match="is no link"):
         LinkUrl.parse(url)
 
 
-def test_a_url_reads_back_as_it_was_written() -> None:
-    assert str(LinkUrl.parse("mcast:239.255.145.50:14640")) == "mcast:239.255.145.50:14640"
+@pytest.mark.parametrize(
+    "url", ["mcast:239.255.145.50:14640", "tcp:localhost:5760", "serial:/dev/serial/by-path/pci-0000:00:14.0:921600"]
+)
+def test_a_url_reads_back_as_it_was_written(url: str) -> None:
+    assert str(LinkUrl.parse(url)) == url
+
+
+def test_slashes_change_nothing() -> None:
+    assert LinkUrl.parse("udpin://0.0.0.0:14540") == LinkUrl.parse("udpin:0.0.0.0:14540")
+    assert LinkUrl.parse("serial:///dev/ttyACM0:57600") == LinkUrl("serial", "/dev/ttyACM0", 57600)
+
+
+def frame(sequence: int = 0) -> bytes:
+    codec = Codec(1, 1)
+    for _ in range(sequence):
+        codec.encode(PING)
+    return codec.encode(PING)
+
+
+PING = mavlink.MAVLink_ping_message(123456, 7, 0, 0)
+
+
+class Server:
+    """A TCP server that keeps what it hears and its connections."""
+
+    def __init__(self) -> None:
+        self.heard: asyncio.Queue[bytes] = asyncio.Queue()
+        self.writers: list[asyncio.StreamWriter] = []
+
+    async def start(self, port: int = 0) -> int:
+        self.server = await asyncio.start_server(self._serve, "127.0.0.1", port)
+        return int(self.server.sockets[0].getsockname()[1])
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.writers.append(writer)
+        while data := await reader.read(1000):
+            self.heard.put_nowait(data)
+        writer.close()
+
+    async def stop(self) -> None:
+        self.server.close()
+        for writer in self.writers:
+            writer.transport.abort()
+        await self.server.wait_closed()
+
+
+async def test_tcp_delivers_frames_however_they_are_cut_and_connects_again() -> None:
+    server, heard = Server(), asyncio.Queue()
+    port = await server.start()
+    link = await open_link(f"tcp:127.0.0.1:{port}", heard.put_nowait)
+    link.send(b"hello")
+    assert await asyncio.wait_for(server.heard.get(), 5) == b"hello"
+    first, second = frame(), frame(1)
+    server.writers[0].write(b"boot text\n" + first + second[:9])
+    assert await asyncio.wait_for(heard.get(), 5) == b"boot text\n"
+    assert await asyncio.wait_for(heard.get(), 5) == first
+    server.writers[0].write(second[9:])
+    assert await asyncio.wait_for(heard.get(), 5) == second
+    await server.stop()
+    again = Server()
+    await again.start(port)
+    async with asyncio.timeout(10):
+        while not again.writers:
+            link.send(b"x")  # lost without harm while there is no connection
+            await asyncio.sleep(0.05)
+    again.writers[0].write(first)
+    assert await asyncio.wait_for(heard.get(), 5) == first
+    link.close()
+    await again.stop()
+
+
+async def test_tcp_without_a_server_says_so() -> None:
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        port = sock.getsockname()[1]
+        with pytest.raises(TransportError, match=f"tcp:127.0.0.1:{port}: nobody listens on TCP port {port}"):
+            await open_link(f"tcp:127.0.0.1:{port}")
+
+
+async def test_a_tcp_peer_that_does_not_read_costs_bounded_memory() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = await open_link(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        sent = 0
+        for _ in range(20_000):
+            link.send(bytes(1000))
+            sent += 1000
+        assert isinstance(link, TcpLink)
+        assert link.bytes_dropped > 0
+        assert link.bytes_sent + link.bytes_dropped == sent
+        link.close()
+
+
+async def test_serial_port_both_ways_and_lost() -> None:
+    controller, device = os.openpty()
+    heard: asyncio.Queue[bytes] = asyncio.Queue()
+    link = await open_link(f"serial:{os.ttyname(device)}:57600", heard.put_nowait)
+    attributes = termios.tcgetattr(device)
+    assert attributes[4] == termios.B57600
+    assert not attributes[3] & (termios.ECHO | termios.ICANON)
+    os.write(controller, frame()[:4])
+    await asyncio.sleep(0.05)
+    os.write(controller, frame()[4:])
+    assert await asyncio.wait_for(heard.get(), 5) == frame()
+    link.send(frame(1))
+    assert os.read(controller, 100) == frame(1)
+    os.close(device)
+    os.close(controller)  # unplugged
+    await asyncio.sleep(0.1)
+    before = link.bytes_sent
+    link.send(frame())
+    assert link.bytes_sent == before
+    link.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "reason"),
+    [
+        ("serial:/dev/no-such-port:57600", "No such file or directory"),
+        ("serial:/dev/null:57600", "is no serial port"),
+        ("serial:/dev/null:57601", "57601 is no rate of a serial port"),
+    ],
+)
+async def test_a_serial_port_that_is_none_is_named(url: str, reason: str) -> None:
+    with pytest.raises(TransportError, match=reason):
+        await open_link(url)
