@@ -80,7 +80,7 @@ def fly_virtually(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Flown:
     async def open_link(url: str, receive_from: object) -> FakeLink:
         return FakeLink(team)
 
-    monkeypatch.setattr("gcs.station.open_link", open_link)
+    monkeypatch.setattr("gcs.station.open_datagram_link", open_link)
     asyncio.run(station.open())
     team.on_ground_message = lambda heard: station.receive(bytes(heard.message.get_msgbuf()), ("virtual", 1))
     watching = Watching()
