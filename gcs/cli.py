@@ -18,6 +18,7 @@ from gcs.conformance_command import conformance
 from gcs.experiment_command import experiment
 from gcs.keygen_command import keygen
 from gcs.plan_command import plan
+from gcs.recording_commands import replay
 from gcs.version import program_version
 
 if TYPE_CHECKING:
@@ -238,6 +239,7 @@ app.command()(plan)
 app.command()(experiment)
 app.command()(keygen)
 app.command()(conformance)
+app.command()(replay)
 
 
 def _load(config: Path) -> Scenario:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import queue
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 from gcs.dashboard.history import EventLog, FlightHistory
 from gcs.dashboard.view import Columns, MapLayers, MapView, estimate_columns
@@ -15,7 +16,7 @@ from gcs.operator_desk import CommandRecord, OperatorDesk, Order
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
 
-__all__ = ["Board", "DashboardFeed", "Moment"]
+__all__ = ["Board", "DashboardFeed", "Moment", "PageBar"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,19 @@ class Moment:
     phase: str
     time_left_s: float | None
     commands: tuple[CommandRecord, ...]
+
+
+class PageBar(Protocol):
+    """The bar below a page's headline.
+
+    Attributes:
+        row: The root to be placed on the page.
+    """
+
+    row: Any
+
+    def refresh(self) -> None:
+        """Follow the board."""
 
 
 class DashboardFeed:
@@ -81,7 +95,10 @@ class Board:
         history: Figures and trails.
         events: The log.
         map_view: Knows the mission area.
+        lost_text: What a browser says that no longer reaches us.
     """
+
+    lost_text = "No connection to the ground station: what you see is old. The vehicles fly on without it."
 
     def __init__(self, scenario: Scenario, feed: DashboardFeed) -> None:
         self.scenario = scenario
@@ -93,6 +110,12 @@ class Board:
         self.events = EventLog()
         self._estimates: dict[int | None, Columns] = {}
 
+    def make_bar(self) -> PageBar:
+        """What an operator presses: one for each page."""
+        from gcs.dashboard.orders import OrderBar  # noqa: PLC0415  # bokeh: only for who shows a page
+
+        return OrderBar(self)
+
     def refresh(self) -> None:
         """Take what the flight has handed over."""
         for event in self.feed.take_events():
@@ -100,10 +123,14 @@ class Board:
         moment = self.feed.latest
         if moment is None or moment is self.moment:
             return
+        self.history.add(moment.team)
+        self.show(moment)
+
+    def show(self, moment: Moment) -> None:
+        """Show a moment on the map and in the table."""
         self.moment = moment
         self._estimates = {}
         self.layers = self.map_view.layers(moment.team)
-        self.history.add(moment.team)
 
     def estimates(self, robot: int | None) -> Columns:
         """Estimates of one robot, or the best of all, worked out once for all pages."""

@@ -47,6 +47,7 @@ class Charts:
         self._history = history
         self._ids = tuple(vehicle_ids)
         self._serial = history.serial
+        self._restarts = history.restarts
         self._source = ColumnDataSource(data=_local(history.columns()))
         self._x_range = DataRange1d(follow="end", follow_interval=180_000, range_padding=0.0)
         lines: dict[str, Callable[[figure], None]] = {
@@ -64,7 +65,11 @@ class Charts:
             self.figures[name] = plot
 
     def refresh(self) -> None:
-        """Append the samples that are new."""
+        """Append the samples that are new; show all of them anew after a restart."""
+        if self._history.restarts != self._restarts:
+            self._restarts, self._serial = self._history.restarts, self._history.serial
+            self._source.data = _local(self._history.columns())
+            return
         if self._history.serial == self._serial:
             return
         rows = self._history.columns(self._serial)

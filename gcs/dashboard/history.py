@@ -30,10 +30,12 @@ class FlightHistory:
 
     Attributes:
         serial: Samples taken so far, also those that are forgotten.
+        restarts: How often all has been forgotten: a replay goes back.
     """
 
     def __init__(self, vehicle_ids: Sequence[int], bounds: MapBounds) -> None:
         self.serial = 0
+        self.restarts = 0
         self._ids = tuple(vehicle_ids)
         self._bounds = bounds
         self._rows: deque[dict[str, float]] = deque(maxlen=ROWS)
@@ -60,6 +62,14 @@ class FlightHistory:
                 self._trails[vehicle.id].append((_rounded(vehicle.east_m), _rounded(vehicle.north_m)))
         self._rows.append(row)
         return True
+
+    def restart(self) -> None:
+        """Forget everything."""
+        self.restarts += 1
+        self._rows.clear()
+        for trail in self._trails.values():
+            trail.clear()
+        self._next_s = -math.inf
 
     def columns(self, since: int = 0) -> Columns:
         """The samples after a serial number, as far as they are kept."""
@@ -96,6 +106,11 @@ class EventLog:
         """Take an event."""
         self.serial += 1
         self._events.append(event)
+
+    def restart(self) -> None:
+        """Forget everything: a replay goes back."""
+        self.serial += 1
+        self._events.clear()
 
     def find(self, words: str = "", severity: int = 7, limit: int = 200) -> list[Event]:
         """Events, newest first.

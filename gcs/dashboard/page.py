@@ -15,7 +15,6 @@ from gcs.dashboard import panels
 from gcs.dashboard.board import Board
 from gcs.dashboard.charts import CHARTS, Charts
 from gcs.dashboard.map_figure import TeamMap
-from gcs.dashboard.orders import OrderBar
 from gcs.dashboard.palette import DARK, LIGHT, THEMES, Theme
 from gcs.dashboard.styles import BUTTONS, EVENTS, TABLE, TEXT
 
@@ -48,7 +47,7 @@ def build_page(document: Document, board: Board, theme_name: str | None) -> Page
             document.add_root(root)
     document.title = f"{board.scenario.name} · ARVI"
     document.template = get_env().from_string(files("gcs.dashboard").joinpath("page.html").read_text(encoding="utf-8"))
-    document.template_variables.update(theme=page.theme.name, charts=CHARTS)
+    document.template_variables.update(theme=page.theme.name, charts=CHARTS, lost=board.lost_text)
     document.js_on_event(ConnectionLost, CustomJS(code="document.getElementById('lost').classList.add('on')"))
     document.js_on_event(ClientReconnected, CustomJS(code="document.getElementById('lost').classList.remove('on')"))
     document.js_on_event(DocumentReady, CustomJS(code="document.documentElement.dataset.ready = 'yes'"))
@@ -89,7 +88,7 @@ class Page:
         )  # fmt: skip
         self._theme_button.on_click(self._switch_theme)
         self._theme_button.js_on_change("tags", CustomJS(args={"button": self._theme_button}, code=_REPAINT_PAGE))
-        self.orders = OrderBar(board)
+        self.orders = board.make_bar()
         style = InlineStyleSheet(css=BUTTONS)
         self._words = TextInput(placeholder="search events", width=180, stylesheets=[style])
         self._severity = Select(

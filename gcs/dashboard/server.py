@@ -12,7 +12,7 @@ import ipaddress
 import logging
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -91,13 +91,24 @@ def find_port(host: str, port: int) -> Address:
 
 
 @contextmanager
-def serve_dashboard(scenario: Scenario, feed: DashboardFeed, address: Address) -> Iterator[None]:
+def serve_dashboard(
+    scenario: Scenario,
+    feed: DashboardFeed,
+    address: Address,
+    make_board: Callable[[Scenario, DashboardFeed], Board] = Board,
+) -> Iterator[None]:
     """Serve the dashboard while this lasts.
+
+    Args:
+        scenario: Whose team is shown.
+        feed: Tells what is to be shown, and why the server ended.
+        address: Where.
+        make_board: Makes what all pages show, in the server's thread.
 
     Raises:
         GroundError: It does not start.
     """
-    thread = _ServerThread(scenario, feed, address)
+    thread = _ServerThread(scenario, feed, address, make_board)
     thread.start()
     try:
         thread.wait_until_served()
@@ -109,11 +120,18 @@ def serve_dashboard(scenario: Scenario, feed: DashboardFeed, address: Address) -
 class _ServerThread(threading.Thread):
     """Runs bokeh's server in an event loop of its own."""
 
-    def __init__(self, scenario: Scenario, feed: DashboardFeed, address: Address) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        feed: DashboardFeed,
+        address: Address,
+        make_board: Callable[[Scenario, DashboardFeed], Board],
+    ) -> None:
         super().__init__(name="dashboard", daemon=True)
         self._scenario = scenario
         self._feed = feed
         self._address = address
+        self._make_board = make_board
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
         self._served = threading.Event()
@@ -147,7 +165,7 @@ class _ServerThread(threading.Thread):
             self._loop.close()
 
     async def _serve(self) -> None:
-        board = Board(self._scenario, self._feed)
+        board = self._make_board(self._scenario, self._feed)
         server = _make_server(board, self._address)
         try:
             server.start()

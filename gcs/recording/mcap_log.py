@@ -18,7 +18,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 from zstandard import ZstdError
 
-from gcs.recording.scene import Scene, channels, event_message
+from gcs.recording.scene import Scene, channels, event_message, nanoseconds
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
 
@@ -108,7 +108,7 @@ class McapLog:
     def _add(self, topic: str, time_s: float, content: dict[str, Any]) -> None:
         channel = self._channels[topic]
         sequence = self._sequence[channel] = self._sequence.get(channel, -1) + 1
-        time_ns = round(time_s * 1e9)
+        time_ns = nanoseconds(time_s)
         data = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
         self._writer.add_message(channel, time_ns, data, time_ns, sequence)
 
@@ -132,7 +132,7 @@ def read_mcap(path: Path, topics: frozenset[str] | None = None) -> Iterator[Logg
                 elif isinstance(record, Message):
                     topic = names.get(record.channel_id, "")
                     if topics is None or topic in topics:
-                        yield LoggedMessage(topic, record.log_time * 1e-9, json.loads(record.data))
+                        yield LoggedMessage(topic, record.log_time / 1e9, json.loads(record.data))
         except (McapError, ZstdError, struct.error, ValueError, LookupError):
             return  # the end is missing or damaged: whoever wrote it was stopped
 

@@ -30,7 +30,7 @@ from gcs.vehicle import VehicleState
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["MAP", "MISSION_NED", "Message", "Scene", "channels", "event_message"]
+__all__ = ["MAP", "MISSION_NED", "Message", "Scene", "channels", "event_message", "nanoseconds"]
 
 MAP = "map"
 MISSION_NED = "mission_ned"
@@ -418,5 +418,10 @@ def _colour(code: str, alpha: float) -> dict[str, float]:
 
 
 def _time(time_s: float) -> dict[str, int]:
-    sec, nsec = divmod(round(time_s * 1e9), 1_000_000_000)
+    sec, nsec = divmod(nanoseconds(time_s), 1_000_000_000)
     return {"sec": sec, "nsec": nsec}
+
+
+def nanoseconds(time_s: float) -> int:
+    """A UNIX time in ns, so exact that dividing by 10⁹ gives it back."""
+    return int(time_s) * 1_000_000_000 + round(time_s % 1.0 * 1e9)

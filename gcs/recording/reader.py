@@ -1,0 +1,162 @@
+"""A recording's folder, read as far as it goes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gcs.errors import GroundError
+from gcs.output import printable
+from gcs.recording.mcap_log import read_mcap
+from gcs.recording.recorder import MCAP_NAME
+from gcs.recording.tlog import read_tlog
+from gcs.team import Event
+from onboard.config import ConfigError, Scenario, load_scenario
+from onboard.protocol import dialect as mavlink
+
+__all__ = ["HeardFrame", "PhaseMark", "Recording", "frame_source", "open_recording"]
+
+_SEVERITIES = {entry.name: value for value, entry in mavlink.enums["MAV_SEVERITY"].items()}
+
+
+@dataclass(frozen=True, slots=True)
+class HeardFrame:
+    """A frame of a log that came from the team.
+
+    Attributes:
+        time_s: UNIX time of its reception, s.
+        frame: The raw frame.
+    """
+
+    time_s: float
+    frame: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseMark:
+    """What the team was doing from a time on.
+
+    Attributes:
+        time_s: UNIX time, s.
+        phase: In words.
+        time_left_s: Until landing, s; None when there is no such time.
+    """
+
+    time_s: float
+    phase: str
+    time_left_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What is left of a flight.
+
+    Attributes:
+        folder: Where it was read.
+        scenario: What was flown.
+        about: ``flight.json``: seed, versions; empty if it is missing.
+        summary: ``summary.json``; None for a flight that did not come to its end.
+        frames: What the team said, in the order of reception.
+        events: What the operator was told; None if that was not kept, as in recordings without MCAP file.
+        phases: By time; empty if that was not kept.
+    """
+
+    folder: Path
+    scenario: Scenario
+    about: dict[str, Any]
+    summary: dict[str, Any] | None
+    frames: tuple[HeardFrame, ...]
+    events: tuple[Event, ...] | None
+    phases: tuple[PhaseMark, ...]
+
+    @property
+    def start_s(self) -> float:
+        """UNIX time of the first frame, s."""
+        return self.frames[0].time_s
+
+    @property
+    def end_s(self) -> float:
+        """UNIX time of the last frame, s."""
+        return self.frames[-1].time_s
+
+    @property
+    def landing_since_s(self) -> float | None:
+        """UNIX time at which landing began; None if it did not, or was not kept."""
+        return next((mark.time_s for mark in self.phases if mark.phase == "landing"), None)
+
+
+def open_recording(folder: Path) -> Recording:
+    """Read the recording in a folder.
+
+    Raises:
+        GroundError: There is none, or nothing in it can be used.
+    """
+    if not folder.is_dir():
+        raise GroundError(f"{folder}: no such folder; `arvi fly` prints the folder that it records to")
+    try:
+        scenario = load_scenario(folder / "scenario.yaml")
+    except ConfigError as error:
+        raise GroundError(f"{folder}: is no recording, or of another version: {error}") from None
+    try:
+        frames = _read_links(folder, scenario)
+        events, phases = _read_view(folder / MCAP_NAME)
+    except OSError as error:
+        raise GroundError(f"{error.filename or folder}: cannot be read: {error.strerror or error}") from None
+    if not frames:
+        raise GroundError(f"{folder}: holds no .tlog file with anything that a team said")
+    return Recording(
+        folder=folder,
+        scenario=scenario,
+        about=_read_json(folder / "flight.json") or {},
+        summary=_read_json(folder / "summary.json"),
+        frames=frames,
+        events=events,
+        phases=phases,
+    )
+
+
+def _read_links(folder: Path, scenario: Scenario) -> tuple[HeardFrame, ...]:
+    """What the team said on all links, in the order of time."""
+    senders = {vehicle.id for vehicle in scenario.vehicles}
+    if scenario.simulation is not None:
+        senders.add(scenario.simulation.system_id)
+    heard = [
+        HeardFrame(time_usec / 1e6, frame)
+        for path in sorted(folder.glob("*.tlog"))
+        for time_usec, frame in read_tlog(path)
+        if frame_source(frame)[0] in senders
+    ]
+    heard.sort(key=lambda item: item.time_s)
+    return tuple(heard)
+
+
+def _read_view(path: Path) -> tuple[tuple[Event, ...] | None, tuple[PhaseMark, ...]]:
+    """What the operator was told, and the phases; nothing when the MCAP file is missing or empty."""
+    events: list[Event] = []
+    phases: list[PhaseMark] = []
+    if not path.exists():
+        return None, ()
+    for message in read_mcap(path, frozenset({"/events", "/team"})):
+        content = message.content
+        if message.topic == "/events":
+            severity = _SEVERITIES.get(content["file"], int(mavlink.MAV_SEVERITY_INFO))
+            events.append(Event(message.time_s, severity, printable(content["name"]), printable(content["message"])))
+        elif content.get("phase"):
+            phases.append(PhaseMark(message.time_s, str(content["phase"]), content.get("time_left_s")))
+    return tuple(sorted(events, key=lambda event: event.time_s)) if events or phases else None, tuple(phases)
+
+
+def _read_json(path: Path) -> dict[str, Any] | None:
+    """What a JSON file says; None when it is missing or damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def frame_source(frame: bytes) -> tuple[int, int]:
+    """System and component id of the sender, from the header of either version."""
+    return (frame[5], frame[6]) if frame[0] == mavlink.PROTOCOL_MARKER_V2 else (frame[3], frame[4])

@@ -1,0 +1,179 @@
+"""Replay: the ground's state at any time is what it was in flight, whichever way one gets there."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs import summary
+from gcs.dashboard.board import DashboardFeed
+from gcs.errors import GroundError
+from gcs.operator_desk import OperatorDesk
+from gcs.recording.player import Player, ReplayBoard
+from gcs.recording.reader import open_recording
+from gcs.recording.recorder import MCAP_NAME
+from gcs.recording.replay import TICK_S, Replay
+
+
+@pytest.fixture(scope="module")
+def recording(flown):
+    return open_recording(flown.folder)
+
+
+class Clock:
+    def __init__(self):
+        self.now_s = 1000.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def same(first, second):
+    """Equal states; the explored area compares by its cells."""
+    for one, other in ((first, second), (second, first)):
+        assert (one.explored is None) == (other.explored is None)
+    if first.explored is not None:
+        assert np.array_equal(first.explored.cells, second.explored.cells)
+        assert first.explored.share == second.explored.share
+    assert replace(first, explored=None) == replace(second, explored=None)
+
+
+def test_the_end_is_the_live_summary(recording, flown):
+    replay = Replay(recording)
+    replay.go(replay.ticks)
+    live = flown.summary
+    facts = summary.FlightFacts(
+        scenario="lab", version="test", seed=3, mission_start_s=replay.state().mission_start_s,
+        mission_end_s=recording.landing_since_s, cpu_cores=None, cpu_s={}, problems=(),
+    )  # fmt: skip
+    assert summary.summarize(replay.monitor, facts, replay.time_of(replay.ticks)) == live
+
+
+def test_states_are_those_that_the_operator_saw(recording, flown):
+    """At 0.1 s or less from a state that was shown: what comes once a step is the same, what moves is near."""
+    replay = Replay(recording)
+    for live in flown.states[60::40]:
+        replay.go(replay.tick_at(live.time_s))
+        state = replay.state()
+        assert state.time_s == pytest.approx(live.time_s, abs=TICK_S)
+        assert state.discovered == pytest.approx(live.discovered, abs=1)
+        for vehicle, seen in zip(state.vehicles, live.vehicles, strict=True):
+            assert vehicle.mode == seen.mode
+            assert vehicle.north_m == pytest.approx(seen.north_m, abs=0.4)
+            assert vehicle.height_m == pytest.approx(seen.height_m, abs=0.4)
+
+
+def test_seeking_gives_the_state_that_playing_gives(recording):
+    played, states = Replay(recording), {}
+    wanted = (1, 7, 99, 100, 101, 155, 230, played.ticks)
+    while played.tick < played.ticks:
+        played.step()
+        if played.tick in wanted:
+            states[played.tick] = played.state()
+    sought = Replay(recording)
+    for tick in (155, 7, played.ticks, 100, 101, 99, 230, 1, played.ticks, 155):
+        sought.go(tick)
+        assert sought.tick == tick
+        same(sought.state(), states[tick])
+    same(played.state(), states[played.ticks])
+
+
+def play(player, clock, board, seconds):
+    for _ in range(round(seconds / 0.1)):
+        clock.now_s += 0.1
+        board.refresh()
+
+
+def make_board(recording, speed=1.0):
+    clock = Clock()
+    player = Player(recording, speed, clock)
+    board = ReplayBoard(DashboardFeed(OperatorDesk()), player)
+    board.refresh()
+    player.playing = True
+    return board, player, clock
+
+
+def test_the_board_plays_pauses_seeks_and_is_the_same_either_way(recording, flown):
+    board, player, clock = make_board(recording)
+    play(player, clock, board, 10.0)
+    assert player.position_s == pytest.approx(10.0, abs=0.11)
+    player.toggle()
+    play(player, clock, board, 5.0)
+    assert player.position_s == pytest.approx(10.0, abs=0.11), "paused"
+    player.toggle()
+    player.speed = 4.0
+    play(player, clock, board, 1.5)
+    assert player.position_s == pytest.approx(16.0, abs=0.5)
+    there = player.replay.tick
+    moment, history, trails = board.moment, board.history.columns(board.history.serial - 40), board.history.trails()
+    events = board.events.find(limit=1000)
+    assert events
+    assert all(event in flown.events for event in events)
+
+    player.playing = False
+    for position_s in (player.duration_s, 3.0, TICK_S * there):
+        player.seek(position_s)
+        while not player.arrived:
+            board.refresh()
+        board.refresh()
+    same(board.moment.team, moment.team)
+    assert board.moment.phase == moment.phase == "replay: flying"
+    assert board.history.trails() == trails
+    np.testing.assert_equal(board.history.columns(board.history.serial - 40), history)
+    assert board.events.find(limit=1000) == events
+
+    player.seek(player.duration_s)
+    while not player.arrived:
+        board.refresh()
+    board.refresh()
+    assert board.events.find(limit=1000)[::-1] == sorted(flown.events, key=lambda event: event.time_s)
+    player.toggle()
+    assert player.playing
+    board.refresh()
+    assert player.position_s == 0.0, "play at the end starts again"
+
+
+def test_a_recording_that_was_cut_off_replays_as_far_as_it_goes(flown, tmp_path):
+    for path in flown.folder.iterdir():
+        content = path.read_bytes()
+        (tmp_path / path.name).write_bytes(content[: len(content) // 2] if path.suffix != ".yaml" else content)
+    recording = open_recording(tmp_path)
+    assert (recording.summary, recording.about) == (None, {})
+    whole, half = Replay(open_recording(flown.folder)), Replay(recording)
+    assert 0.3 * whole.ticks < half.ticks < 0.8 * whole.ticks
+    # The logs of the links end at different times: until the first of them does, all is as in the whole one.
+    half.go(100)
+    whole.go(100)
+    same(half.state(), whole.state())
+    half.go(half.ticks)
+    assert half.state().vehicles
+
+
+def test_telemetry_logs_alone_replay_with_the_events_that_messages_tell(flown, tmp_path):
+    for path in flown.folder.iterdir():
+        if path.name not in (MCAP_NAME, "flight.json", "summary.json"):
+            shutil.copy(path, tmp_path)
+    replay = Replay(open_recording(tmp_path))
+    replay.go(replay.ticks)
+    texts = {event.text for event in replay.events(-1, replay.ticks)}
+    assert {event.text for event in flown.events if "found by vehicle" in event.text} <= texts
+    count = len(replay.events(-1, replay.ticks))
+    replay.go(10)
+    replay.go(replay.ticks)
+    assert len(replay.events(-1, replay.ticks)) == count, "said once, however often one passes"
+    assert replay.phase().phase == "recorded"
+
+
+@pytest.mark.parametrize(
+    ("present", "words"),
+    [((), "is no recording"), (("scenario.yaml",), "holds no .tlog file"), (None, "no such folder")],
+)
+def test_what_is_no_recording_is_refused_with_a_reason(present, words, flown, tmp_path):
+    folder = tmp_path / "there"
+    if present is not None:
+        folder.mkdir()
+        for name in present:
+            shutil.copy(flown.folder / name, folder)
+    with pytest.raises(GroundError, match=words):
+        open_recording(folder)
