@@ -21,9 +21,9 @@ from onboard.protocol.team_messages import encode_detection
 from sim_bridge.autopilot.links import LinkName
 from sim_bridge.detector import Detector
 from sim_bridge.errors import require_simulation
-from sim_bridge.faults import Faults
+from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.mocap.bodies import Frame, RigidBodies
-from sim_bridge.mocap.pose import MocapPose, odometry
+from sim_bridge.mocap.pose import odometry
 from sim_bridge.mocap.simulated import MotionCapture
 from sim_bridge.mocap.watch import Watch
 from sim_bridge.notices import Notice
@@ -36,6 +36,9 @@ from sim_bridge.world import World, build_world
 __all__ = ["TRUTH_RATE_HZ", "Bridge", "Outgoing", "Port", "build_bridge"]
 
 _SIMULATED_JUMP_M = 0.3
+
+TAKEN_OFF_M = 0.3
+"""A vehicle higher than this has taken off."""
 
 TRUTH_RATE_HZ = 10.0
 """How often TARGET_TRUTH and VEHICLE_TRUTH go to the ground station."""
@@ -94,6 +97,7 @@ class Bridge:
         radio: What is on its way between the vehicles; datagrams go through it unread.
         pacer: The physics steps.
         detector: The vehicles' sensors.
+        faults: What is wrong when; what is injected there happens.
     """
 
     def __init__(
@@ -103,10 +107,10 @@ class Bridge:
         detector: Detector,
         radio: Radio,
         pacer: Pacer,
+        faults: FaultInjection,
         *,
         served: Collection[int] = (),
         bodies: RigidBodies | None = None,
-        faults: Faults | None = None,
         watches: Mapping[int, Watch] | None = None,
     ) -> None:
         """Join the parts.
@@ -117,21 +121,23 @@ class Bridge:
             detector: The vehicles' sensors.
             radio: Between the vehicles.
             pacer: The physics steps.
+            faults: What goes wrong.
             served: External vehicles that the simulated motion capture sees, too.
             bodies: The vehicles that a real motion capture system sees.
-            faults: What goes wrong.
             watches: What looks at the poses of external vehicles, by system id.
         """
         self.world = world
-        self.radio = radio
+        self.radio = faults.radio(radio)
         self.pacer = pacer
         self.detector = detector
         self._mocap = mocap
         self._served = frozenset(served)
         self._bodies = bodies
-        self._faults = faults if faults is not None else Faults(())
+        self.faults = faults.schedule
+        self._live_faults = faults.live
+        self._detections = faults.detections
+        self._poses = faults.poses
         self._watches = dict(watches or {})
-        self._handed_on_s: dict[int, float] = {}
         self._truth_tick = self._truth_tick_at(pacer.time_s)
         self._outbox: list[Outgoing] = []
         self._notices: list[Notice] = []
@@ -154,7 +160,8 @@ class Bridge:
         """Take what a real motion capture system saw."""
         if self._bodies is not None:
             for pose in self._bodies.poses(frame):
-                self._hand_on(pose, time_s)
+                self._poses.push(pose, time_s)
+            self._hand_out(time_s)
 
     def broadcast(self, vehicle_id: int, datagram: bytes, time_s: float) -> None:
         """Take what a vehicle broadcasts to its peers; ``radio.deliveries`` gives what arrives.
@@ -164,6 +171,18 @@ class Bridge:
         positions = self.world.positions()
         if vehicle_id in positions:
             self.radio.broadcast(vehicle_id, datagram, time_s, positions)
+
+    def obey(self, message: mavlink.MAVLink_command_long_message, time_s: float) -> None:
+        """Take a command for the bridge itself."""
+        result, reason = mavlink.MAV_RESULT_UNSUPPORTED, f"command {message.command} is unknown to the bridge"
+        if message.command == mavlink.MAV_CMD_INJECT_FAILURE:
+            result, reason = self._live_faults.obey(message, time_s)
+        if reason:
+            self.tell(Notice(reason))
+        ack = mavlink.MAVLink_command_ack_message(
+            message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
+        )
+        self._outbox.append(Outgoing(Port.TRUTH, 0, ack))
 
     def outbox(self) -> list[Outgoing]:
         """Take out the messages to send."""
@@ -194,7 +213,9 @@ class Bridge:
                 self._outbox.append(Outgoing(Port.EXTERNAL, vehicle_id, message))
         if self.detector.is_due(time_s):
             self.detector.look(time_s, self.pacer.period_s, world.vehicle_truth(), world.target_truth())
-        for vehicle_id, detection in self.detector.deliveries(time_s):
+        for found in self.detector.deliveries(time_s):
+            self._detections.push(found, time_s)
+        for vehicle_id, detection in self._detections.pop_due(time_s):
             self._outbox.append(Outgoing(Port.SENSOR, vehicle_id, encode_detection(detection)))
         truth_tick = self._truth_tick_at(time_s)
         if truth_tick != self._truth_tick:
@@ -204,34 +225,36 @@ class Bridge:
 
     def _capture(self, time_s: float) -> None:
         """Let the simulated motion capture look, and deliver what it saw."""
-        if self._mocap is None:
-            return
-        if self._mocap.is_due(time_s):
-            external = [truth for truth in self.world.external_truth() if truth.vehicle_id in self._served]
-            simulated = [vehicle.truth() for vehicle in self.world.vehicles.values()]
-            self._mocap.sample(time_s, [*simulated, *external])
-        for pose in self._mocap.deliveries(time_s):
-            vehicle = self.world.vehicles.get(pose.vehicle_id)
-            if vehicle is None:
-                self._hand_on(pose, time_s)
-            elif not self._faults.active("mocap_silent", pose.vehicle_id):
-                vehicle.autopilot.receive_mocap(odometry(pose))
+        if self._mocap is not None:
+            if self._mocap.is_due(time_s):
+                external = [truth for truth in self.world.external_truth() if truth.vehicle_id in self._served]
+                simulated = [vehicle.truth() for vehicle in self.world.vehicles.values()]
+                self._mocap.sample(time_s, [*simulated, *external])
+            for pose in self._mocap.deliveries(time_s):
+                self._poses.push(pose, time_s)
+        self._hand_out(time_s)
 
-    def _hand_on(self, pose: MocapPose, time_s: float) -> None:
-        """Give a pose to an external vehicle's autopilot, as often as it wants them."""
-        if self._faults.active("mocap_silent", pose.vehicle_id):
-            return
-        watch = self._watches.get(pose.vehicle_id)
-        if watch is not None:
-            watch.receive(pose, time_s)
-        self.world.external[pose.vehicle_id].receive_mocap(pose)
+    def _hand_out(self, time_s: float) -> None:
+        """Give the autopilots the poses that have arrived; external ones as often as they want them."""
+        for pose in self._poses.pop_due(time_s):
+            vehicle = self.world.vehicles.get(pose.vehicle_id)
+            if vehicle is not None:
+                vehicle.autopilot.receive_mocap(odometry(pose))
+                continue
+            watch = self._watches.get(pose.vehicle_id)
+            if watch is not None:
+                watch.receive(pose, time_s)
+            self.world.external[pose.vehicle_id].receive_mocap(pose)
 
     def _look_after(self, time_s: float) -> None:
         """What happens ten times a second: faults on their script, what is wrong and who is missing."""
-        self._faults.step(time_s, self.world.vehicle_truth())
+        if any(truth.down_m < -TAKEN_OFF_M for truth in self.world.vehicle_truth()):
+            self.faults.take_off(time_s)
+        for change in self.faults.changes(time_s):
+            self.tell(Notice(change.text, mavlink.MAV_SEVERITY_NOTICE))
         for watch in self._watches.values():
             watch.step(time_s)
-        sources: list[_Notifier] = [self._faults, *self._watches.values(), *self.world.external.values()]
+        sources: list[_Notifier] = [*self._watches.values(), *self.world.external.values()]
         for source in sources:
             for notice in source.notices():
                 self.tell(notice)
@@ -303,6 +326,7 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
     mocap = None
     if scenario.mission.position_source == "mocap":
         mocap = MotionCapture(simulation.mocap, {i: generator(seed, Stream.MOCAP, i) for i in ids}, pacer.time_s)
+    targets = range(1, simulation.ground_robots.count + 1)
     return Bridge(
         world=build_world(scenario, seed, pacer.time_s),
         mocap=mocap,
@@ -315,9 +339,9 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
         ),
         radio=Radio(simulation.radio, generator(seed, Stream.RADIO)),
         pacer=pacer,
+        faults=FaultInjection(simulation.faults, seed, ids, targets, pacer.time_s, live=simulation.allow_live_faults),
         served=[vehicle.id for vehicle in scenario.vehicles if vehicle.external and vehicle.external.pose == "truth"],
         bodies=RigidBodies(scenario.mocap) if scenario.mocap is not None else None,
-        faults=Faults(simulation.faults),
         watches=_watches(scenario, simulation),
     )
 

@@ -42,7 +42,9 @@ class BridgeProcess:
     the loop's exception handler.
     """
 
-    def __init__(self, bridge: Bridge, ports: BridgePorts, system_id: int, clock: Callable[[], float]) -> None:
+    def __init__(
+        self, bridge: Bridge, ports: BridgePorts, system_id: int, clock: Callable[[], float], *, ground_id: int
+    ) -> None:
         """Prepare; nothing is opened yet.
 
         Args:
@@ -50,8 +52,10 @@ class BridgeProcess:
             ports: Where everybody is.
             system_id: The bridge's own system id.
             clock: UNIX time, s.
+            ground_id: System id of the ground station, which alone commands the bridge.
         """
         self._bridge = bridge
+        self._ground_id = ground_id
         self._ports = ports
         self._clock = clock
         self._links: list[Link] = []
@@ -81,7 +85,7 @@ class BridgeProcess:
                     receive = functools.partial(self._receive_broadcast, vehicle_id)
                     link = await self._open(_url("udpin", ports.radio_local), receive)
                     self._radio_links[vehicle_id] = link
-            await self._open_own(Port.TRUTH, 0, self._ports.ground)
+            await self._open_own(Port.TRUTH, 0, self._ports.ground, self._receive_own)
         except TransportError:
             self.close()
             raise
@@ -117,10 +121,13 @@ class BridgeProcess:
         receive = functools.partial(self._receive_external, vehicle_id, codec)
         self._out[Port.EXTERNAL, vehicle_id] = (codec, await self._open(url, receive))
 
-    async def _open_own(self, port: Port, vehicle_id: int, remote: Address) -> None:
-        """Open a link on which the bridge speaks as itself, and hears nobody."""
+    async def _open_own(
+        self, port: Port, vehicle_id: int, remote: Address, receive: Callable[[Codec, bytes], None] | None = None
+    ) -> None:
+        """Open a link on which the bridge speaks as itself."""
         codec = Codec(self._system_id, AUTOPILOT_COMPONENT)
-        self._out[port, vehicle_id] = (codec, await self._open(_url("udpout", remote)))
+        hear = functools.partial(receive, codec) if receive is not None else None
+        self._out[port, vehicle_id] = (codec, await self._open(_url("udpout", remote), hear))
 
     def _tick(self) -> None:
         self._bridge.advance(self._clock())
@@ -141,6 +148,16 @@ class BridgeProcess:
         now_s = self._clock()
         for message in codec.decode(datagram):
             self._bridge.receive_external(vehicle_id, message, now_s)
+
+    def _receive_own(self, codec: Codec, datagram: bytes) -> None:
+        """Obey the ground station's commands to the bridge itself."""
+        for message in codec.decode(datagram):
+            if (
+                isinstance(message, mavlink.MAVLink_command_long_message)
+                and message.target_system == self._system_id
+                and message.get_srcSystem() == self._ground_id
+            ):
+                self._bridge.obey(message, self._clock())
 
     def _receive_broadcast(self, vehicle_id: int, datagram: bytes) -> None:
         self._bridge.broadcast(vehicle_id, datagram, self._clock())
@@ -204,7 +221,9 @@ async def _serve(scenario: Scenario, seed: int | None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     bridge = build_bridge(scenario, seed, time.time())
-    process = BridgeProcess(bridge, find_ports(scenario), simulation.system_id, time.time)
+    process = BridgeProcess(
+        bridge, find_ports(scenario), simulation.system_id, time.time, ground_id=scenario.ground.system_id
+    )
     await process.open()
     # Autopilots are real-time computers; a busy host should not make them look as if they had stalled.
     make_this_thread_urgent()

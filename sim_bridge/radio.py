@@ -12,7 +12,7 @@ import numpy as np
 from onboard.config.simulation import RadioConfig
 from sim_bridge.schedule import DelayLine
 
-__all__ = ["Delivery", "LinkCounters", "Radio"]
+__all__ = ["Delivery", "LinkCounters", "Position", "Radio"]
 
 Position = tuple[float, float, float]
 

@@ -27,6 +27,11 @@ class Stream(IntEnum):
     LOCKSTEP_RADIO = 8
     LOCKSTEP_START = 9
     PLANNER = 10
+    RADIO_FAULTS = 11
+    DETECTOR_FAULTS = 12
+    MOCAP_FAULTS = 13
+    LINK_FAULTS = 14
+    COMPUTER_FAULTS = 15
 
 
 def generator(seed: int, stream: Stream, member: int = 0) -> np.random.Generator:

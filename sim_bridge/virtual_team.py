@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from onboard.companion import Companion, LinkName, PlanningJob
 from onboard.config import Scenario
@@ -16,8 +17,11 @@ from onboard.planning.planner import Planner
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.commands import Command
-from sim_bridge.autopilot.links import ONBOARD
+from sim_bridge.autopilot.links import GCS, ONBOARD
 from sim_bridge.bridge import Bridge, Port, build_bridge
+from sim_bridge.errors import require_simulation
+from sim_bridge.faults.computer import OnboardComputer
+from sim_bridge.seeding import Stream, generator
 
 __all__ = ["GroundMessage", "VirtualTeam"]
 
@@ -48,29 +52,48 @@ class VirtualTeam:
 
     Attributes:
         time_s: Now, UNIX time, s.
-        bridge: The world.
-        companions: The onboard processes by system id; one that is removed has died.
+        bridge: The world; faults are injected into ``bridge.faults``.
+        computers: The onboard computers by system id, each with its process.
         on_ground_message: Called with each message that reaches the ground.
     """
 
     def __init__(
         self, scenario: Scenario, *, seed: int | None = None, start_s: float = 1_800_000_000.0, plan_nodes: int = 2000
     ) -> None:
+        simulation = require_simulation(scenario)
+        seed = simulation.seed if seed is None else seed
         self.time_s = start_s
         self.bridge: Bridge = build_bridge(scenario, seed, start_s)
-        self.companions = {vehicle.id: Companion(scenario, vehicle.id, start_s) for vehicle in scenario.vehicles}
-        self.on_ground_message: Callable[[GroundMessage], None] = lambda _: None
-        self._scenario = scenario
         self._planner = Planner(node_limit=max(4 * plan_nodes, 1000), yaw_weight=scenario.planner.yaw_weight_m_rad)
         self._plan_nodes = plan_nodes
-        self._plans: dict[int, tuple[PlanningJob, Plan]] = {}
+        self.computers = {
+            vehicle.id: OnboardComputer(
+                vehicle.id,
+                partial(Companion, scenario, vehicle.id),
+                self._make_plan,
+                self.bridge.faults,
+                generator(seed, Stream.COMPUTER_FAULTS, vehicle.id),
+                start_s,
+            )
+            for vehicle in scenario.vehicles
+        }
+        self.on_ground_message: Callable[[GroundMessage], None] = lambda _: None
         self._tick_s = 1.0 / scenario.flight.setpoint_rate_hz
         self._ticks = 0
         self._autopilots = {vehicle.id: Codec(vehicle.id, AUTOPILOT_COMPONENT) for vehicle in scenario.vehicles}
-        system_id = scenario.simulation.system_id if scenario.simulation is not None else 0
-        self._bridge_codec = Codec(system_id, AUTOPILOT_COMPONENT)
+        self._bridge_id = simulation.system_id
+        self._bridge_codec = Codec(simulation.system_id, AUTOPILOT_COMPONENT)
         self._ground = Codec(scenario.ground.system_id, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._start_s = start_s
+
+    @property
+    def companions(self) -> dict[int, Companion]:
+        """The onboard processes that are alive, by system id."""
+        return {
+            vehicle_id: computer.companion
+            for vehicle_id, computer in self.computers.items()
+            if computer.companion is not None
+        }
 
     def run(self, duration_s: float) -> None:
         """Let this much time pass."""
@@ -90,11 +113,20 @@ class VirtualTeam:
             self._tick()
 
     def command(self, message: Command) -> None:
-        """Send a command of the ground station to the companion that it is addressed to."""
-        companion = self.companions.get(message.target_system)
-        if companion is not None:
-            companion.receive(LinkName.GROUND, self._ground.encode(message), self.time_s)
-            self._deliver(message.target_system, companion)
+        """Send a command of the ground station to the companion, or the bridge, that it is addressed to."""
+        frame = self._ground.encode(message)
+        computer = self.computers.get(message.target_system)
+        if computer is not None:
+            computer.receive(LinkName.GROUND, frame, self.time_s)
+        elif message.target_system == self._bridge_id:
+            for heard in self._bridge_codec.decode(frame):
+                if isinstance(heard, mavlink.MAVLink_command_long_message):
+                    self.bridge.obey(heard, self.time_s)
+
+    def command_autopilot(self, message: Command) -> None:
+        """Send a command of the ground station straight to the autopilot that it is addressed to."""
+        for heard in self._autopilots[message.target_system].decode(self._ground.encode(message)):
+            self.bridge.receive(message.target_system, GCS, heard, self.time_s)
 
     def _tick(self) -> None:
         self._ticks += 1
@@ -103,48 +135,36 @@ class VirtualTeam:
         for port, vehicle_id, message in self.bridge.outbox():
             self._from_bridge(port, vehicle_id, message)
         for delivery in self.bridge.radio.deliveries(self.time_s):
-            receiver = self.companions.get(delivery.receiver)
-            if receiver is not None:
-                receiver.receive(LinkName.PEERS, delivery.datagram, self.time_s)
-        for vehicle_id, companion in list(self.companions.items()):
-            self._plan(vehicle_id, companion)
-            companion.tick(self.time_s)
-            self._deliver(vehicle_id, companion)
+            self.computers[delivery.receiver].receive(LinkName.PEERS, delivery.datagram, self.time_s)
+        for vehicle_id, computer in self.computers.items():
+            for link, frame in computer.step(self.time_s, self._tick_s):
+                self._from_computer(vehicle_id, link, frame)
 
     def _from_bridge(self, port: Port, vehicle_id: int, message: mavlink.MAVLink_message) -> None:
-        if port in (Port.GCS, Port.TRUTH):
-            codec = self._bridge_codec if port is Port.TRUTH else self._autopilots[vehicle_id]
-            self._to_ground(codec.encode(message))
-            return
-        companion = self.companions.get(vehicle_id)
-        if companion is None:
-            return
-        if port is Port.SENSOR:
-            companion.receive(LinkName.SENSOR, self._bridge_codec.encode(message), self.time_s)
-        else:
-            companion.receive(LinkName.AUTOPILOT, self._autopilots[vehicle_id].encode(message), self.time_s)
+        match port:
+            case Port.TRUTH:
+                self._to_ground(self._bridge_codec.encode(message))
+            case Port.GCS:
+                self._to_ground(self._autopilots[vehicle_id].encode(message))
+            case Port.SENSOR:
+                frame = self._bridge_codec.encode(message)
+                self.computers[vehicle_id].receive(LinkName.SENSOR, frame, self.time_s)
+            case Port.ONBOARD:
+                frame = self._autopilots[vehicle_id].encode(message)
+                self.computers[vehicle_id].receive(LinkName.AUTOPILOT, frame, self.time_s)
 
-    def _plan(self, vehicle_id: int, companion: Companion) -> None:
-        """Start the plan that is due, and hand over the one whose slot ends."""
-        job = companion.planning_job(self.time_s)
-        if job is not None:
-            self._plans[vehicle_id] = (job, self._planner.plan(job.problem, Budget(nodes=self._plan_nodes)))
-        under_way = self._plans.get(vehicle_id)
-        # Its slot ends before the next tick: a plan that arrived then would be late.
-        if under_way is not None and self.time_s + self._tick_s > under_way[0].slot.end_s:
-            del self._plans[vehicle_id]
-            companion.planned(*under_way, self.time_s)
+    def _from_computer(self, vehicle_id: int, link: LinkName, frame: bytes) -> None:
+        match link:
+            case LinkName.AUTOPILOT:
+                for message in self._autopilots[vehicle_id].decode(frame):
+                    self.bridge.receive(vehicle_id, ONBOARD, message, self.time_s)
+            case LinkName.PEERS:
+                self.bridge.broadcast(vehicle_id, frame, self.time_s)
+            case LinkName.GROUND:
+                self._to_ground(frame)
 
-    def _deliver(self, vehicle_id: int, companion: Companion) -> None:
-        for link, frame in companion.outbox():
-            match link:
-                case LinkName.AUTOPILOT:
-                    for message in self._autopilots[vehicle_id].decode(frame):
-                        self.bridge.receive(vehicle_id, ONBOARD, message, self.time_s)
-                case LinkName.PEERS:
-                    self.bridge.broadcast(vehicle_id, frame, self.time_s)
-                case LinkName.GROUND:
-                    self._to_ground(frame)
+    def _make_plan(self, job: PlanningJob) -> Plan:
+        return self._planner.plan(job.problem, Budget(nodes=self._plan_nodes))
 
     def _to_ground(self, frame: bytes) -> None:
         for message in self._ground.decode(frame):

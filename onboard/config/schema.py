@@ -337,6 +337,18 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
+    def _faults_are_of_vehicles_that_there_are(self) -> Self:
+        ids = {vehicle.id for vehicle in self.vehicles}
+        for i, fault in enumerate(self.simulation.faults if self.simulation is not None else ()):
+            for vehicle_id in fault.vehicles:
+                if vehicle_id not in ids:
+                    raise ValueError(
+                        f"simulation.faults[{i}].vehicles: there is no vehicle {vehicle_id}; "
+                        f"the team is {', '.join(map(str, sorted(ids)))}"
+                    )
+        return self
+
+    @model_validator(mode="after")
     def _nobody_listens_where_another_does(self) -> Self:
         taken = {self.ground.url: "ground.url"}
         for i, vehicle in enumerate(self.vehicles):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from onboard.config.base import NonNegative, Positive, Probability, Section, SystemId
+from onboard.config.faults import FaultConfig
 
 __all__ = [
     "DetectorConfig",
-    "FaultConfig",
     "GroundRobotsConfig",
     "MocapConfig",
     "OriginConfig",
@@ -91,15 +91,6 @@ class RadioConfig(Section):
     jitter_s: NonNegative = 0.0
 
 
-class FaultConfig(Section):
-    """Something that the bridge makes go wrong, counted from the moment at which the first vehicle takes off."""
-
-    kind: Literal["mocap_silent"] = Field(description="mocap_silent: motion capture does not see the vehicles")
-    after_takeoff_s: NonNegative
-    for_s: Positive | None = Field(default=None, description="null lasts for ever")
-    vehicles: tuple[SystemId, ...] = Field(default=(), description="system ids; empty means all")
-
-
 class SimulationConfig(Section):
     """Everything that the bridge simulates."""
 
@@ -113,3 +104,6 @@ class SimulationConfig(Section):
     detector: DetectorConfig = DetectorConfig()
     radio: RadioConfig = RadioConfig()
     faults: Annotated[tuple[FaultConfig, ...], Field(max_length=1000)] = ()
+    allow_live_faults: bool = Field(
+        default=False, description="whether the bridge obeys MAV_CMD_INJECT_FAILURE; else it denies it"
+    )

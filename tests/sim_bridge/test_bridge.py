@@ -16,6 +16,7 @@ from sim_bridge.autopilot.links import GCS, ONBOARD
 from sim_bridge.bridge import Bridge, Port, build_bridge
 from sim_bridge.detector import Detector
 from sim_bridge.errors import BridgeError
+from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.ground_robots import GroundRobots
 from sim_bridge.mocap import MotionCapture
 from sim_bridge.pacing import Pacer
@@ -77,6 +78,7 @@ def make(places=((2.0, 4.0, -1.0), (2.0, 6.5, -1.7)), radio_range_m=3.0):
         Detector(DetectorConfig(period_s=0.5, delay_s=0.02), LAB.sensor.build(), rngs, NOON),
         Radio(RadioConfig(range_m=radio_range_m), np.random.default_rng(9)),
         Pacer(RATE_HZ, NOON),
+        FaultInjection((), 1, (1, 2), (1, 2), NOON),
     )
 
 

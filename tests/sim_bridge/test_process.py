@@ -170,7 +170,7 @@ async def test_a_value_that_does_not_fit_its_field_stops_nobody_else(tmp_path, c
     bridge = build_bridge(scenario, None, NOON)
     overflow = mavlink.MAVLink_system_time_message(2**64, 0)
     clock = iter([NOON + 0.001 * k for k in range(1000)])
-    process = BridgeProcess(bridge, find_ports(scenario), 250, lambda: next(clock))
+    process = BridgeProcess(bridge, find_ports(scenario), 250, lambda: next(clock), ground_id=255)
     sock = listener(14540)
     await process.open()
     try:

@@ -151,7 +151,7 @@ def test_a_dead_onboard_process_leaves_its_autopilot_in_failsafe_and_the_others_
     flight = Flight(lab, seed=2)
     flight.start()
     flight.team.run(5.0)
-    del flight.team.companions[2]
+    flight.team.computers[2].kill()
     died_s = flight.team.time_s
     flight.team.run(12.0)
     time_s, mode, status = next(

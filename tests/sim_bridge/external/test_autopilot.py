@@ -244,7 +244,7 @@ def test_detections_are_those_of_its_own_place(simulator):
 
 
 def test_a_mocap_outage_on_script_is_made_and_said(simulator):
-    fault = {"kind": "mocap_silent", "after_takeoff_s": 1.0, "for_s": 2.0, "vehicles": [1]}
+    fault = {"component": "mocap", "type": "off", "vehicles": [1], "from_s": 1.0, "until_s": 3.0}
     bridge = build_bridge(lab(faults=[fault]), 3, NOON)
     elsewhere = simulator()
     run(bridge, elsewhere, 1.0, NOON)
@@ -256,9 +256,9 @@ def test_a_mocap_outage_on_script_is_made_and_said(simulator):
     assert gap == pytest.approx((takeoff_s + 1.0, takeoff_s + 3.0), abs=0.15)
     texts = [notice.text for notice in bridge.notices()]
     assert texts == [
-        "fault begins: mocap_silent of vehicles 1 for 2 s",
+        "fault begins: mocap off, vehicles 1, for 2 s",
         "motion capture of vehicle 1 is silent",
-        "fault ends: mocap_silent of vehicles 1",
-        "motion capture of vehicle 1 is no longer silent, after 1.8 s",
+        "fault ends: mocap off, vehicles 1",
+        "motion capture of vehicle 1 is no longer silent, after 1.7 s",
     ]
     assert sum(item.message.get_type() == "STATUSTEXT" for _, item in sent) >= 4
