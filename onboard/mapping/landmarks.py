@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from onboard.geometry import Pose
 from onboard.mapping.visibility_grid import VisibilityGrid
 
-__all__ = ["FIRST_LANDMARK_ID", "Landmarks", "frontier_cells", "frontier_landmarks"]
+__all__ = ["FIRST_LANDMARK_ID", "Landmarks", "frontier_landmarks"]
 
 FIRST_LANDMARK_ID = 1 << 16
 """Landmarks number from here up; target ids have 16 bits."""
@@ -23,22 +23,7 @@ MAX_CANDIDATES = 2000
 
 Place = tuple[float, float]
 Array = NDArray[np.float64]
-
-
-def frontier_cells(grid: VisibilityGrid) -> NDArray[np.bool_]:
-    """Unexplored cells next to (north, south, east or west of) an explored one, (rows, columns) bool.
-
-    If there is no such cell (nothing is explored yet, or what is left is cut off), every unexplored cell is one: there
-    is still something to find.
-    """
-    unexplored = grid.inside & ~grid.explored
-    beside = np.zeros_like(unexplored)
-    beside[1:] |= grid.explored[:-1]
-    beside[:-1] |= grid.explored[1:]
-    beside[:, 1:] |= grid.explored[:, :-1]
-    beside[:, :-1] |= grid.explored[:, 1:]
-    frontier = unexplored & beside
-    return frontier if frontier.any() else unexplored
+Cells = NDArray[np.int64]
 
 
 def frontier_landmarks(
@@ -46,7 +31,6 @@ def frontier_landmarks(
     max_landmarks: int,
     near: Pose | None,
     kept: Sequence[Place] = (),
-    resting: NDArray[np.bool_] | None = None,
 ) -> list[Place]:
     """Places that stand for the frontier: centres of frontier cells, at most ``max_landmarks``.
 
@@ -60,29 +44,23 @@ def frontier_landmarks(
         max_landmarks: How many new ones to give at most; fewer for a small frontier, none if all is explored.
         near: Of several equal starts the one nearest to here is taken; None for the southernmost, then westernmost.
         kept: North m, east m of landmarks that stay: what they stand for needs no other.
-        resting: (rows, columns) cells that get no landmark as long as there are others.
 
     Returns:
         North m, east m, ordered from south to north, then west to east.
     """
-    return list(_clusters(grid, max_landmarks, near, kept, resting))
+    return list(_clusters(grid, grid.frontier(), max_landmarks, near, kept))
 
 
 def _clusters(
     grid: VisibilityGrid,
+    frontier: tuple[Cells, Cells],
     max_landmarks: int,
     near: Pose | None,
     kept: Sequence[Place],
-    resting: NDArray[np.bool_] | None,
 ) -> dict[Place, float]:
-    """As :func:`frontier_landmarks`, with each cluster's squared radius in cells."""
-    if max_landmarks <= 0:
-        return {}
-    frontier = frontier_cells(grid)
-    if resting is not None and (awake := frontier & ~resting).any():
-        frontier = awake
-    rows, columns = np.nonzero(frontier)
-    if len(rows) == 0:
+    """As :func:`frontier_landmarks`, over frontier cells; with each cluster's squared radius in cells."""
+    rows, columns = frontier
+    if max_landmarks <= 0 or len(rows) == 0:
         return {}
     if len(rows) > MAX_CANDIDATES:
         # every k-th cell stands for all; an odd k does not keep to the same columns of whole tiles
@@ -144,8 +122,8 @@ class Landmarks:
         if tired:
             self._put_to_rest(grid, tired)
         vacant = self._max_landmarks - len(self._places)
-        resting = None if self._rest_until is None else self._rest_until > self._updates
-        for place, radius in _clusters(grid, vacant, near, tuple(self._places.values()), resting).items():
+        found = _clusters(grid, self._awake(grid), vacant, near, tuple(self._places.values())) if vacant else {}
+        for place, radius in found.items():
             self._places[self._next_id] = place
             self._until[self._next_id] = self._updates + self._patience
             self._radius[self._next_id] = radius
@@ -153,6 +131,15 @@ class Landmarks:
         self._until = {i: self._until[i] for i in self._places}
         self._radius = {i: self._radius[i] for i in self._places}
         return self.places
+
+    def _awake(self, grid: VisibilityGrid) -> tuple[Cells, Cells]:
+        """The frontier without the cells that rest, as long as there are others."""
+        rows, columns = grid.frontier()
+        if self._rest_until is not None:
+            awake = self._rest_until[rows, columns] <= self._updates
+            if awake.any():
+                return rows[awake], columns[awake]
+        return rows, columns
 
     def _put_to_rest(self, grid: VisibilityGrid, tired: Sequence[int]) -> None:
         """Drop landmarks, and let the cells rest that are as near to them as those that they stood for."""

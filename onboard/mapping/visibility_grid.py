@@ -10,6 +10,9 @@ would tell each other of the same old look for ever. So then a tile holds only w
 is new since its last broadcast, and now and then what it saw in the last ``forget_after_s/2``. A tile's cells count as
 seen at its reception; hence no cell is remembered longer than 1.5 × ``forget_after_s`` after the last look at it (plus
 the radio's delay).
+
+**Cost.** A step costs what it looks at and hears, not what the area is: cells are counted by tile, and only tiles that
+changed, whose turn it is, or that hold a piece of the frontier are gone through.
 """
 
 from __future__ import annotations
@@ -23,9 +26,16 @@ from numpy.typing import NDArray
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.geometry import Pose
 from onboard.mapping.errors import MappingError
+from onboard.mapping.grid_kernels import (
+    TILE_CELLS,
+    cells_in_view,
+    count_frontier,
+    list_frontier,
+    mark_seen,
+    merge_tile,
+)
 from onboard.mapping.line_of_sight import visible_from, warm_line_of_sight
 from onboard.mapping.raster import blocked_mask, polygon_mask, reachable_mask
-from onboard.mapping.tile_kernel import merge_tile
 from onboard.messages import ExploredTile
 from onboard.planning.problem import Obstacles
 
@@ -33,7 +43,6 @@ Array = NDArray[np.float64]
 
 __all__ = ["TILE_CELLS", "VisibilityGrid"]
 
-TILE_CELLS = 32
 TILE_BYTES = TILE_CELLS * TILE_CELLS // 8
 RESEND_PERIOD = 16
 """Every tile is broadcast again once in so many calls of :meth:`VisibilityGrid.tiles`."""
@@ -52,7 +61,7 @@ class VisibilityGrid:
         cell_m: Side of a cell, m.
         origin: North m, east m of cell (0, 0)'s south-west corner.
         inside: (rows, columns) bool: the centre is inside the fence, in no obstacle, and not cut off by obstacles.
-        explored: (rows, columns) bool: seen, and not forgotten; never True outside.
+        explored: (rows, columns) bool: seen, and not forgotten; never True outside. To be read only.
         forget_after_s: When an area that was not looked at is unknown again, s; None for never.
     """
 
@@ -109,15 +118,24 @@ class VisibilityGrid:
             raise MappingError(f"cell_m = {cell_m}: no cell's centre is inside the fence; take smaller cells")
         self.explored = np.zeros(shape, dtype=np.bool_)
         self._unsent = np.zeros(shape, dtype=np.bool_)
-        self._seen_s = np.full(shape, -math.inf)
-        self._seen_by_self_s = np.full(shape, -math.inf)
+        timed = shape if self._is_timed else (0, 0)
+        self._seen_s = np.full(timed, -math.inf)
+        self._seen_by_self_s = np.full(timed, -math.inf)
+        self._inside_in = _count_by_tile(self.inside)
+        self._explored_in = np.zeros_like(self._inside_in)
+        self._unsent_in = np.zeros(self._inside_in.shape, dtype=np.bool_)
         self._now_s = -math.inf
         self._calls = 0
 
     @property
     def explored_share(self) -> float:
         """Explored cells over the cells that count, 0 to 1."""
-        return float(self.explored.sum()) / self._inside_count
+        return float(self._explored_in.sum()) / self._inside_count
+
+    @property
+    def _is_timed(self) -> bool:
+        """Whether it matters when a cell was seen."""
+        return self.forget_after_s is not None
 
     def centre(self, row: int, column: int) -> tuple[float, float]:
         """North m, east m of a cell's centre."""
@@ -143,25 +161,35 @@ class VisibilityGrid:
         self._now_s = max(self._now_s, time_s)
         rows = self._window(self._north_m, pose.north_m, sensor.max_range_m)
         columns = self._window(self._east_m, pose.east_m, sensor.max_range_m)
-        d_north = self._north_m[rows, None] - pose.north_m
-        d_east = self._east_m[None, columns] - pose.east_m
-        squared = d_north**2 + d_east**2
-        seen = (squared < sensor.max_range_m**2) & self.inside[rows, columns]
-        if not sensor.sees_all_round:
-            ahead = d_north * math.cos(pose.yaw_rad) + d_east * math.sin(pose.yaw_rad)
-            # |α| < φ/2 without arctangents; the point right below has no bearing and is seen
-            seen &= (ahead > np.sqrt(squared) * math.cos(0.5 * sensor.fov_rad)) | (squared == 0.0)
-        if self._obstacles is not None and seen.any():
+        seen = np.empty((rows.stop - rows.start, columns.stop - columns.start), dtype=np.bool_)
+        count = cells_in_view(
+            self._north_m,
+            self._east_m,
+            self.inside,
+            rows.start,
+            columns.start,
+            np.array([pose.north_m, pose.east_m, math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)]),
+            sensor.max_range_m,
+            -2.0 if sensor.sees_all_round else math.cos(0.5 * sensor.fov_rad),
+            seen,
+        )
+        if self._obstacles is not None and count:
             i, j = np.nonzero(seen)
             points = np.column_stack([self._north_m[rows][i], self._east_m[columns][j]])
             seen[i, j] = visible_from(self._obstacles, pose.north_m, pose.east_m, points)
-        explored = self.explored[rows, columns]
-        new = seen & ~explored
-        explored |= seen
-        self._seen_s[rows, columns][seen] = time_s
-        self._seen_by_self_s[rows, columns][seen] = time_s
-        self._unsent[rows, columns] |= new if self.forget_after_s is None else seen
-        return int(new.sum())
+        return mark_seen(
+            seen,
+            rows.start,
+            columns.start,
+            time_s,
+            self._is_timed,
+            self.explored,
+            self._unsent,
+            self._seen_s,
+            self._seen_by_self_s,
+            self._explored_in,
+            self._unsent_in,
+        )
 
     def expire(self, time_s: float) -> int:
         """Forget what nobody has looked at for ``forget_after_s``; how many cells that are. Never any without it."""
@@ -169,8 +197,11 @@ class VisibilityGrid:
         if self.forget_after_s is None:
             return 0
         stale = self.explored & (self._seen_s <= time_s - self.forget_after_s)
+        if not stale.any():
+            return 0
         self.explored &= ~stale
         self._unsent &= ~stale
+        self._recount()
         return int(stale.sum())
 
     def tiles(self, *, changed_since_last: bool) -> list[ExploredTile]:
@@ -180,21 +211,41 @@ class VisibilityGrid:
             changed_since_last: Only tiles with news since the last call, and each other tile once in 16 calls, so that
                 maps of robots that meet later become equal; False gives all tiles at once.
         """
-        news = self._unsent
-        shared = self.explored
-        if self.forget_after_s is not None:
-            shared = shared & (self._seen_by_self_s > self._now_s - 0.5 * self.forget_after_s)
-        changed, shareable = _tiles_with_any(news), _tiles_with_any(shared)
+        again = np.full(self._unsent_in.shape, not changed_since_last)
+        again.flat[self._calls % RESEND_PERIOD :: RESEND_PERIOD] = True
+        again &= self._explored_in > 0
         result = []
-        for index, (i, j) in enumerate(np.ndindex(changed.shape)):
-            again = not changed_since_last or (self._calls - index) % RESEND_PERIOD == 0
-            if again and shareable[i, j]:
+        for i, j in np.argwhere(self._unsent_in | again).tolist():
+            shared = self._shared(i, j)
+            if again[i, j] and shared.any():
                 result.append(self._tile(i, j, shared))
-            elif changed[i, j]:
-                result.append(self._tile(i, j, shared if self.forget_after_s is None else news))
+            elif self._unsent_in[i, j]:
+                result.append(self._tile(i, j, self._unsent[_tile_slices(i, j)] if self._is_timed else shared))
+            self._unsent[_tile_slices(i, j)] = False
+        self._unsent_in[:] = False
         self._calls += 1
-        news[:] = False
         return result
+
+    def frontier(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of the unexplored cells next to (north, south, east or west of) an explored one, in order.
+
+        If there is no such cell (nothing is explored yet, or what is left is cut off), every unexplored cell is one:
+        there is still something to find.
+        """
+        known = self._explored_in > 0
+        near = known.copy()
+        near[1:] |= known[:-1]
+        near[:-1] |= known[1:]
+        near[:, 1:] |= known[:, :-1]
+        near[:, :-1] |= known[:, 1:]
+        tiles = near & (self._explored_in < self._inside_in)
+        rows = np.empty(count_frontier(self.inside, self.explored, tiles), dtype=np.int64)
+        if len(rows) == 0:
+            unexplored = np.argwhere(self.inside & ~self.explored)
+            return unexplored[:, 0], unexplored[:, 1]
+        columns = np.empty_like(rows)
+        list_frontier(self.inside, self.explored, tiles, rows, columns)
+        return rows, columns
 
     def merge(self, tile: ExploredTile, time_s: float) -> int:
         """Add what a neighbour has explored; cells outside the fence are ignored.
@@ -218,15 +269,18 @@ class VisibilityGrid:
         if not (0 <= i < rows // TILE_CELLS and 0 <= j < columns // TILE_CELLS):
             raise MappingError(f"explored tile ({tile.tile_north}, {tile.tile_east}) is outside the mission area")
         self._now_s = max(self._now_s, time_s)
-        place = _tile_slices(i, j)
         return merge_tile(
             np.frombuffer(tile.explored, dtype=np.uint8),
-            self.inside[place],
+            i,
+            j,
+            self.inside,
             time_s,
-            self.forget_after_s is None,
-            self.explored[place],
-            self._unsent[place],
-            self._seen_s[place],
+            self._is_timed,
+            self.explored,
+            self._unsent,
+            self._seen_s,
+            self._explored_in,
+            self._unsent_in,
         )
 
     def _free_cells(self, obstacles: Obstacles, reachable_from: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
@@ -242,12 +296,23 @@ class VisibilityGrid:
         first, last = np.searchsorted(centres_m, [at_m - reach_m, at_m + reach_m])
         return slice(int(first), int(last))
 
+    def _recount(self) -> None:
+        self._explored_in = _count_by_tile(self.explored)
+        self._unsent_in = _count_by_tile(self._unsent) > 0
+
+    def _shared(self, i: int, j: int) -> NDArray[np.bool_]:
+        """The cells of a tile that may be passed on."""
+        place = _tile_slices(i, j)
+        if self.forget_after_s is None:
+            return self.explored[place]
+        return self.explored[place] & (self._seen_by_self_s[place] > self._now_s - 0.5 * self.forget_after_s)
+
     def _tile(self, i: int, j: int, cells: NDArray[np.bool_]) -> ExploredTile:
         return ExploredTile(
             tile_north=self._first_tile[0] + i,
             tile_east=self._first_tile[1] + j,
             cell_mm=self._cell_mm,
-            explored=np.packbits(cells[_tile_slices(i, j)], axis=1, bitorder="little").tobytes(),
+            explored=np.packbits(cells, axis=1, bitorder="little").tobytes(),
         )
 
 
@@ -258,8 +323,7 @@ def _tile_slices(i: int, j: int) -> tuple[slice, slice]:
     )
 
 
-def _tiles_with_any(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _count_by_tile(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
     rows, columns = cells.shape
-    words = cells.view(np.uint64)  # eight cells at a time
-    blocks = words.reshape(rows // TILE_CELLS, TILE_CELLS, columns // TILE_CELLS, TILE_CELLS // 8)
-    return np.asarray(np.bitwise_or.reduce(blocks, axis=(1, 3)) != 0)
+    blocks = cells.reshape(rows // TILE_CELLS, TILE_CELLS, columns // TILE_CELLS, TILE_CELLS)
+    return np.asarray(blocks.sum(axis=(1, 3), dtype=np.int64))

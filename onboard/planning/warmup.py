@@ -59,6 +59,7 @@ def warm_filter_and_map() -> None:
     grid.observe(Pose(1.0, 1.0, 0.0), RangeBearingSensor(0.1, 0.1, 1.0, math.tau), 0.0)
     for tile in grid.tiles(changed_since_last=True):
         told.merge(tile, 0.0)
+    told.frontier()
 
 
 _WARM_BESIDE = [sys.executable, "-c", "from onboard.planning.warmup import warm_filter_and_map as warm; warm()"]

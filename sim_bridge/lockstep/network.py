@@ -53,7 +53,7 @@ def components(adjacency: NDArray[np.bool_]) -> list[tuple[int, ...]]:
 
 class _Waiting(NamedTuple):
     due_step: int
-    message: Message
+    messages: Sequence[Message]
 
 
 class Traffic(NamedTuple):
@@ -135,7 +135,7 @@ class Network:
         self._sent_bytes += sum(map(wire_bytes, messages))
         for receiver in np.flatnonzero(self.adjacency[index]).tolist():
             if self._config.is_faultless:
-                self._waiting[receiver].extend(_Waiting(step, message) for message in messages)
+                self._waiting[receiver].append(_Waiting(step, messages))
             else:
                 self._waiting[receiver].extend(self._through_faults(self._rngs[index], messages, step))
 
@@ -147,8 +147,9 @@ class Network:
         else:
             self._waiting[index] = [entry for entry in waiting if entry.due_step > step]
             waiting = [entry for entry in waiting if entry.due_step <= step]
-        self._delivered += len(waiting)
-        return [entry.message for entry in waiting]
+        heard = [message for entry in waiting for message in entry.messages]
+        self._delivered += len(heard)
+        return heard
 
     def _together(self, groups: Sequence[Sequence[int]]) -> NDArray[np.bool_]:
         together = np.zeros_like(self.adjacency)
@@ -170,6 +171,6 @@ class Network:
                     due += int(rng.integers(config.jitter_steps + 1))
                 overtaken = rng.random() < config.reordering
                 order = (rng.uniform(place, len(messages)) if overtaken else place, place, copy)
-                arriving.append((order, _Waiting(due, message)))
+                arriving.append((order, _Waiting(due, (message,))))
         arriving.sort(key=lambda entry: entry[0])
         return [waiting for _, waiting in arriving]

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.geometry import Pose
-from onboard.mapping.landmarks import FIRST_LANDMARK_ID, Landmarks, frontier_cells, frontier_landmarks
+from onboard.mapping.landmarks import FIRST_LANDMARK_ID, Landmarks, frontier_landmarks
 from onboard.mapping.visibility_grid import VisibilityGrid
 
 AREA = [(0.0, 0.0), (20.0, 0.0), (20.0, 30.0), (0.0, 30.0)]
@@ -25,6 +25,21 @@ def explore_all(grid):
     grid.observe(Pose(10.0, 15.0, 0.0), RangeBearingSensor(0.1, 0.1, 100.0, math.tau), 0.0)
 
 
+def frontier_mask(grid):
+    rows, columns = grid.frontier()
+    assert sorted(zip(rows.tolist(), columns.tolist(), strict=True)) == list(
+        zip(rows.tolist(), columns.tolist(), strict=True)
+    )
+    mask = np.zeros_like(grid.explored)
+    mask[rows, columns] = True
+    return mask
+
+
+def set_explored(grid, rows, columns, explored):
+    grid.explored[rows, columns] = explored
+    grid._recount()
+
+
 def test_frontier_cells_are_unexplored_with_an_explored_neighbour():
     grid = explored_grid((5.0, 5.0), (7.0, 9.0))
     rows, columns = grid.explored.shape
@@ -35,12 +50,12 @@ def test_frontier_cells_are_unexplored_with_an_explored_neighbour():
             touched = any(0 <= a < rows and 0 <= b < columns and grid.explored[a, b] for a, b in around)
             expected[i, j] = grid.inside[i, j] and not grid.explored[i, j] and touched
     assert expected.any()
-    np.testing.assert_array_equal(frontier_cells(grid), expected)
+    np.testing.assert_array_equal(frontier_mask(grid), expected)
 
 
 def test_with_nothing_explored_everything_is_worth_a_look():
     grid = VisibilityGrid(AREA, 0.5)
-    np.testing.assert_array_equal(frontier_cells(grid), grid.inside)
+    np.testing.assert_array_equal(frontier_mask(grid), grid.inside)
     places = frontier_landmarks(grid, 6, Pose(1.0, 1.0, 0.0))
     assert len(places) == 6
     apart = [math.dist(a, b) for i, a in enumerate(places) for b in places[:i]]
@@ -61,7 +76,7 @@ def test_landmarks_are_frontier_cells_within_twice_the_best_reach_of_all(count):
     places = frontier_landmarks(grid, count, Pose(6.0, 6.0, 0.0))
     assert 1 <= len(places) <= count
     assert places == sorted(set(places))
-    frontier = frontier_cells(grid)
+    frontier = frontier_mask(grid)
     assert all(frontier[grid.cell_of(*place)] for place in places)
     cells = np.array([grid.centre(i, j) for i, j in np.argwhere(frontier)])
 
@@ -153,18 +168,18 @@ def test_what_is_never_seen_does_not_keep_a_landmark_for_ever():
     """A strip that no look reaches holds all landmarks; then the rest of the frontier has its turn, then both again."""
     grid = VisibilityGrid(AREA, 0.5)
     explore_all(grid)
-    grid.explored[4:6, 4:20] = False  # never seen again, whatever is observed
+    set_explored(grid, slice(4, 6), slice(4, 20), False)  # never seen again, whatever is observed
     landmarks = Landmarks(2, patience=10)
     hidden = dict(landmarks.update(grid, None))
     assert len(hidden) == 2
     for _ in range(9):
         assert dict(landmarks.update(grid, None)) == hidden
-    grid.explored[30:34, 40:44] = False
+    set_explored(grid, slice(30, 34), slice(40, 44), False)
     assert all(grid.cell_of(*place)[0] < 6 for place in landmarks.places.values())
     fresh = dict(landmarks.update(grid, None))
     assert all(grid.cell_of(*place)[0] >= 30 for place in fresh.values())
     assert not fresh.keys() & hidden.keys()
-    grid.explored[30:34, 40:44] = True
+    set_explored(grid, slice(30, 34), slice(40, 44), True)
     again = dict(landmarks.update(grid, None))
     assert len(again) == 2, "where nothing else is left, it does not rest"
     assert all(grid.cell_of(*place)[0] < 6 for place in again.values())
@@ -173,12 +188,12 @@ def test_what_is_never_seen_does_not_keep_a_landmark_for_ever():
 def test_only_the_part_of_the_frontier_that_an_unseen_landmark_stood_for_rests():
     grid = VisibilityGrid(AREA, 0.5)
     explore_all(grid)
-    grid.explored[4:6, 4:8] = False
+    set_explored(grid, slice(4, 6), slice(4, 8), False)
     landmarks = Landmarks(3, patience=10)
     landmarks.update(grid, None)
     for _ in range(5):
         landmarks.update(grid, None)
-    grid.explored[30:32, 40:60] = False  # found later, so its landmark is not tired yet
+    set_explored(grid, slice(30, 32), slice(40, 60), False)  # found later, so its landmark is not tired yet
     young = {i for i, place in landmarks.update(grid, None).items() if grid.cell_of(*place)[0] >= 30}
     assert young
     for _ in range(5):

@@ -299,3 +299,56 @@ def test_a_robot_that_meets_another_learns_what_that_one_saw_lately():
     assert late.explored[late.cell_of(3.0, 7.0)]
     assert not late.explored[late.cell_of(1.0, 1.0)]
     assert late.explored.shape == (TILE_CELLS, TILE_CELLS)
+
+
+# Bookkeeping by tile, which spares going over the whole area
+
+
+def cells_of(grid, tile):
+    """The cells of a grid that a tile says are explored."""
+    bits = np.unpackbits(
+        np.frombuffer(tile.explored, dtype=np.uint8).reshape(TILE_CELLS, -1), axis=1, bitorder="little"
+    )
+    mask = np.zeros_like(grid.explored)
+    row = round((tile.tile_north * TILE_CELLS * grid.cell_m - grid.origin[0]) / grid.cell_m)
+    column = round((tile.tile_east * TILE_CELLS * grid.cell_m - grid.origin[1]) / grid.cell_m)
+    mask[row : row + TILE_CELLS, column : column + TILE_CELLS] = bits
+    return mask
+
+
+def test_news_are_whole_tiles_or_with_forgetting_only_what_was_just_seen():
+    field = [(0.0, 0.0), (16.0, 0.0), (16.0, 24.0), (0.0, 24.0)]
+    keeping, forgetting = VisibilityGrid(field, 0.5), VisibilityGrid(field, 0.5, forget_after_s=30.0)
+    for grid in (keeping, forgetting):
+        for _ in range(2):  # the only tiles' regular turns are over
+            grid.tiles(changed_since_last=True)
+        grid.observe(Pose(4.0, 4.0, 0.0), ROUND, 1.0)
+        grid.tiles(changed_since_last=True)
+        before = grid.explored.copy()
+        grid.observe(Pose(6.0, 4.0, 0.0), ROUND, 2.0)
+        (tile,) = grid.tiles(changed_since_last=True)
+        now = grid.explored & ~before
+        assert now.any()
+        assert before.any()
+        np.testing.assert_array_equal(cells_of(grid, tile), grid.explored if grid is keeping else now)
+
+
+@pytest.mark.parametrize("forget_after_s", [None, 20.0])
+def test_counts_by_tile_are_those_of_the_cells(forget_after_s):
+    rng = np.random.default_rng(5)
+    field = [(0.0, 0.0), (30.0, 0.0), (30.0, 40.0), (0.0, 40.0)]
+    own, other = (VisibilityGrid(field, 0.5, forget_after_s=forget_after_s) for _ in range(2))
+    for step in range(60):
+        for grid in (own, other):
+            grid.expire(float(step))
+            grid.observe(Pose(*rng.uniform(0.0, 40.0, 2), rng.uniform(-3.0, 3.0)), NARROW, float(step))
+        for tile in other.tiles(changed_since_last=True):
+            own.merge(tile, float(step))
+        counted, unsent = own._explored_in.copy(), own._unsent_in.copy()
+        assert own.explored_share == own.explored.sum() / own.inside.sum()
+        own._recount()
+        np.testing.assert_array_equal(counted, own._explored_in)
+        np.testing.assert_array_equal(unsent, own._unsent_in)
+        if step % 3 == 0:
+            own.tiles(changed_since_last=True)
+            assert not own._unsent.any()
