@@ -18,7 +18,7 @@ from gcs.conformance_command import conformance
 from gcs.experiment_command import experiment
 from gcs.keygen_command import keygen
 from gcs.plan_command import plan
-from gcs.recording_commands import replay
+from gcs.recording_commands import compare, replay, report
 from gcs.version import program_version
 
 if TYPE_CHECKING:
@@ -240,6 +240,8 @@ app.command()(experiment)
 app.command()(keygen)
 app.command()(conformance)
 app.command()(replay)
+app.command()(report)
+app.command()(compare)
 
 
 def _load(config: Path) -> Scenario:

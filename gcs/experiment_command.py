@@ -13,7 +13,7 @@ __all__ = ["experiment"]
 
 EXIT_BAD_INPUT = 2
 
-_PACKAGES = ("distributed", "matplotlib", "pyarrow", "scipy")
+_PACKAGES = ("distributed", "pyarrow", "scipy")
 
 
 def experiment(

@@ -157,10 +157,8 @@ def _search(
 
 
 def _draw(problem: Problem, found: Plan, planner: Planner, path: Path) -> None:
-    try:
-        from onboard.planning.plot import draw_plan  # noqa: PLC0415 - needs the extra "plot"
-    except ImportError:
-        _fail("--plot: matplotlib is needed: pip install 'arvi-flight-stack[plot]'")
+    from onboard.planning.plot import draw_plan  # noqa: PLC0415 - matplotlib: only for who wants a picture
+
     try:
         draw_plan(problem, found, planner.open_segments(), path)
     except OSError as error:

@@ -6,11 +6,11 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
-__all__ = ["replay"]
+__all__ = ["compare", "replay", "report"]
 
 EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
@@ -57,6 +57,54 @@ def replay(
         console.print("ended")
 
 
-def _end(code: int, text: str) -> None:
+def report(
+    folder: Folder,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", show_default="FOLDER/report.html", help="The page to write."),
+    ] = None,
+) -> None:
+    """Write a page about a recording, with figures inside and, as PNG and SVG, in a folder beside it.
+
+    **Example**: `arvi report flights/lab-20260131-120000 -o lab.html`
+    """
+    from gcs.errors import GroundError
+    from gcs.recording.reader import open_recording
+    from gcs.reports.flight_series import read_series
+    from gcs.reports.report import write_report
+
+    path = output if output is not None else folder / "report.html"
+    try:
+        figures = write_report(read_series(open_recording(folder)), path)
+    except GroundError as error:
+        _end(EXIT_BAD_INPUT, str(error))
+    typer.echo(f"report: {path}\nfigures as PNG and SVG: {figures}")
+
+
+def compare(
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Two recordings or more.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write.")] = Path(
+        "comparison.html"
+    ),
+) -> None:
+    """Write a page that lays several recordings over each other: a table, curves and distributions.
+
+    **Example**: `arvi compare flights/lab-20260131-120000 flights/lab-20260131-121500`
+    """
+    from gcs.errors import GroundError
+    from gcs.recording.reader import open_recording
+    from gcs.reports.compare import write_comparison
+    from gcs.reports.flight_series import read_series
+
+    if len(folders) < 2:
+        _end(EXIT_BAD_INPUT, "one recording alone cannot be compared; `arvi report FOLDER` describes it")
+    try:
+        figures = write_comparison([read_series(open_recording(folder)) for folder in folders], output)
+    except GroundError as error:
+        _end(EXIT_BAD_INPUT, str(error))
+    typer.echo(f"comparison: {output}\nfigures as PNG and SVG: {figures}")
+
+
+def _end(code: int, text: str) -> NoReturn:
     sys.stderr.write(f"{text}\n")
     raise typer.Exit(code)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -13,20 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sim_bridge.experiments.statistics import ArmTrials, interval_curve
+from sim_bridge.figure_files import STYLE, save
 
 __all__ = ["STYLE", "draw_costs", "draw_curves", "draw_means", "save"]
-
-STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "arvi",
-    "figure.constrained_layout.use": True,
-}
 
 _PANELS = (
     ("entropy_nats", "entropy per known target, nats"),
@@ -34,15 +22,6 @@ _PANELS = (
     ("rmse_per_target_m", "position RMSE per known target, m"),
 )
 _MAX_POINTS = 160
-
-
-def save(figure: Figure, path: Path) -> list[Path]:
-    """Write a figure as PNG and SVG; the files."""
-    files = [path.with_suffix(".png"), path.with_suffix(".svg")]
-    with mpl.rc_context(STYLE):  # what makes an SVG the same every time counts when it is written
-        figure.savefig(files[0], dpi=160, metadata={"Software": None})
-        figure.savefig(files[1], metadata={"Date": None, "Creator": None})
-    return files
 
 
 def draw_curves(arms: Sequence[ArmTrials]) -> Figure:

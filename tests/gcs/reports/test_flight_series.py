@@ -1,0 +1,59 @@
+"""What is read out of a recording is what was known in flight."""
+
+import math
+import shutil
+
+import pytest
+
+from gcs.recording.reader import open_recording
+from gcs.reports.flight_series import read_series
+from onboard.messages import FlightState
+
+
+@pytest.fixture(scope="module")
+def series(flown):
+    return read_series(open_recording(flown.folder))
+
+
+def test_the_series_are_those_of_the_states_that_were_shown(series, flown):
+    assert series.summary == flown.summary
+    assert series.zero_s == flown.summary["mission_start_s"]
+    assert series.landing_s == pytest.approx(flown.summary["duration_s"], abs=0.01)
+    live = {round(state.time_s - series.zero_s, 1): state for state in flown.states}
+    compared = 0
+    for i, time_s in enumerate(series.times_s):
+        state = live.get(round(time_s, 1))
+        if state is None or not -5.0 < time_s < series.landing_s:
+            continue
+        compared += 1
+        assert series.discovered[i] == pytest.approx(state.discovered, abs=1)
+        for vehicle in state.vehicles:
+            assert series.vehicles[vehicle.id].north_m[i] == pytest.approx(vehicle.north_m, abs=0.2)
+    assert compared >= 20
+    lengths = {len(column) for column in (series.times_s, series.rmse_m, series.entropy_nats, series.discovered)}
+    lengths |= {len(column) for column in series.target_entropy_nats.values()}
+    lengths |= {len(vehicle.states) for vehicle in series.vehicles.values()}
+    assert lengths == {len(series.times_s)}
+
+
+def test_plans_and_states_tell_the_flight(series, flown):
+    for vehicle in flown.summary["vehicles"]:
+        flight = series.vehicles[vehicle["id"]]
+        # The first plans are made on the ground's watch; every plan is of an epoch of its own.
+        assert len(flight.plans) == vehicle["plans"]
+        assert all(after.time_s > before.time_s for before, after in zip(flight.plans, flight.plans[1:], strict=False))
+        order = [FlightState.STANDBY, FlightState.TAKEOFF, FlightState.TRACK, FlightState.RETURN, FlightState.LANDED]
+        firsts = [flight.states.index(state) for state in order]
+        assert firsts == sorted(firsts)
+    assert {target.id for target in series.final.targets} == {1, 2, 3, 4, 5}
+
+
+def test_a_flight_without_end_has_figures_of_its_own_and_says_so(flown, tmp_path):
+    for path in flown.folder.glob("*"):
+        if path.name not in ("summary.json", "flight.json"):
+            shutil.copy(path, tmp_path)
+    series = read_series(open_recording(tmp_path))
+    assert "has left no summary" in series.summary["problems"][0]
+    for key in ("rmse_m", "entropy_nats", "discovered", "time_to_discover_s", "vehicles"):
+        assert series.summary[key] == flown.summary[key], key
+    assert not math.isnan(series.summary["duration_s"])
