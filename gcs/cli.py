@@ -18,6 +18,7 @@ from gcs.conformance_command import conformance
 from gcs.experiment_command import experiment
 from gcs.keygen_command import keygen
 from gcs.plan_command import plan
+from gcs.preflight_command import preflight
 from gcs.recording_commands import compare, replay, report
 from gcs.version import program_version
 
@@ -236,6 +237,7 @@ def check(
 
 
 app.command()(plan)
+app.command()(preflight)
 app.command()(experiment)
 app.command()(keygen)
 app.command()(conformance)

@@ -20,6 +20,7 @@ from onboard.estimation.measurement import Look
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.events import Event, Refusal
 from onboard.flight.machine import AIRBORNE, FlightMachine
+from onboard.flight.requirements import Needs
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.messages import FlightState
@@ -98,6 +99,7 @@ class Companion:
             expected=self.vehicle.autopilot,
             origin=scenario.mission.origin,
             related_by_gps=scenario.mission.position_source == "gps",
+            needs=Needs.of(scenario, self.vehicle),
         )
         self.machine = FlightMachine(scenario.flight, self.vehicle, self.autopilot)
         self.agent: Agent | None = None

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from onboard.flight.ardupilot_requirements import ardupilot_requirements
 from onboard.flight.behaviour import LaunchStep, Request, arm_request, mode_request
+from onboard.flight.requirements import Needs, Requirement
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
@@ -36,6 +38,7 @@ class ArduPilot:
     guided_mode: int = CopterMode.GUIDED
     land_mode: int = CopterMode.LAND
     streams_before_takeoff = False
+    integers_bytewise = False
     returns_from_failsafe = False
     rates_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -58,6 +61,10 @@ class ArduPilot:
     def lacks(self, telemetry: Telemetry) -> str:
         """Nothing that could be judged before GUIDED: the health bit speaks of the mode that is active."""
         return ""
+
+    def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
+        """What its parameters must be for a plan."""
+        return ardupilot_requirements(needs)
 
     def mode(self, custom_mode: int) -> Request:
         """Ask for a mode."""

@@ -6,28 +6,29 @@ Which family of autopilots it speaks to is seen in the heartbeat; what differs b
 
 from __future__ import annotations
 
-import math
 from collections import deque
 
 from onboard.config.simulation import OriginConfig
 from onboard.flight.ardupilot import ArduPilot
 from onboard.flight.behaviour import Behaviour, Request
 from onboard.flight.events import Event
-from onboard.flight.frame import LocalFrame, offset_m
+from onboard.flight.placement import Placement
 from onboard.flight.pose_history import ClockOffset, PoseHistory
+from onboard.flight.preflight import Preflight, Verdict
 from onboard.flight.px4 import Px4
+from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.streams import StreamWatch
 from onboard.flight.telemetry import Telemetry
 from onboard.geometry import Pose
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import CommandClient, CommandOutcome
+from onboard.protocol.parameters import ParameterClient
 from onboard.protocol.status_text import StatusTextAssembler
 
 __all__ = ["BEHAVIOURS", "AutopilotLink"]
 
 COMPONENT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
-ORIGIN_RETRY_S = 2.0
 RECENT_TEXT_S = 3.0
 """Within which a text of the autopilot explains its refusal."""
 
@@ -47,12 +48,15 @@ class AutopilotLink:
         expected: Which autopilot the scenario says it is: a key of ``BEHAVIOURS``.
         origin: Where the mission frame's origin is on Earth.
         related_by_gps: Whether the local frame has an origin of its own; else it is the mission frame.
+        needs: What the plan asks of its parameters; None asks nothing.
 
     Attributes:
         heard: What the autopilot says of itself, in its local frame.
         behaviour: How it is flown; what is expected until the heartbeat tells.
         poses: Position and yaw of the last seconds, by UNIX time, in the mission frame.
         commands: Commands under way.
+        parameters: Those that were read.
+        preflight: What the plan needs of them.
         boots: How often the autopilot was seen to boot anew.
     """
 
@@ -64,22 +68,22 @@ class AutopilotLink:
         expected: str = "px4",
         origin: OriginConfig | None = None,
         related_by_gps: bool = False,
+        needs: Needs | None = None,
     ) -> None:
         self.heard = Telemetry()
         self.behaviour = BEHAVIOURS[expected]
         self.poses = PoseHistory()
         self.commands = CommandClient()
+        self.parameters = ParameterClient((system_id, COMPONENT))
+        self.preflight = Preflight(self.parameters, ())
         self.boots = 0
+        self._needs = needs
+        self._told_findings: list[str] = []
         self._expected = self.behaviour
         self._unknown_autopilot = False
         self._system_id = system_id
         self._timeout_s = timeout_s
-        self._origin = origin if origin is not None else OriginConfig()
-        self._related_by_gps = related_by_gps
-        self._frame = None if related_by_gps else LocalFrame()
-        self._has_origin = False
-        self._origin_asked_s = -math.inf
-        self._origin_requests = 0
+        self._placement = Placement(origin or OriginConfig(), related_by_gps=related_by_gps)
         self._clock = ClockOffset()
         self._streams: StreamWatch | None = None
         self._was_heard = False
@@ -104,13 +108,12 @@ class AutopilotLink:
         match message:
             case mavlink.MAVLink_heartbeat_message():
                 self._identify(message.autopilot, time_s)
-            case mavlink.MAVLink_local_position_ned_message():
-                self._locate(self._clock.unix(message.time_boot_ms, time_s))
-            case mavlink.MAVLink_attitude_message():
-                if self.heard.yaw_rad is not None:
-                    self.poses.add_yaw(self._clock.unix(message.time_boot_ms, time_s), self.heard.yaw_rad)
+            case mavlink.MAVLink_local_position_ned_message() | mavlink.MAVLink_attitude_message():
+                self._remember(message, self._clock.unix(message.time_boot_ms, time_s))
+            case mavlink.MAVLink_param_value_message():
+                self.parameters.receive(message)
             case mavlink.MAVLink_gps_global_origin_message():
-                self._relate(message)
+                self._placement.relate(message)
             case mavlink.MAVLink_statustext_message():
                 self._read(message, time_s)
             case mavlink.MAVLink_command_ack_message():
@@ -132,11 +135,7 @@ class AutopilotLink:
             return f"autopilot {self.heard.autopilot} is neither PX4 nor ArduPilot"
         if self.behaviour is not self._expected:
             return f"it is {self.behaviour.name}, the scenario says {self._expected.name}"
-        if not self.heard.has_position(time_s):
-            return "no position estimate"
-        if self._frame is None:
-            return "its local origin is unknown (GPS_GLOBAL_ORIGIN)"
-        return self.behaviour.lacks(self.heard)
+        return self._parameters_lack() or self._position_lacks(time_s) or self.behaviour.lacks(self.heard)
 
     @property
     def mode_name(self) -> str:
@@ -145,14 +144,15 @@ class AutopilotLink:
 
     def has_position(self, time_s: float) -> bool:
         """Whether its place in the mission frame is known and recent."""
-        return self._frame is not None and self.heard.has_position(time_s)
+        return self._placement.frame is not None and self.heard.has_position(time_s)
 
     @property
     def position(self) -> tuple[float, float, float] | None:
         """North m, east m, down m in the mission frame; None before it is known."""
-        if self._frame is None or self.heard.local_position is None:
+        frame = self._placement.frame
+        if frame is None or self.heard.local_position is None:
             return None
-        return self._frame.to_mission(self.heard.local_position)
+        return frame.to_mission(self.heard.local_position)
 
     def pose(self) -> Pose | None:
         """The latest position and yaw; None before both were heard."""
@@ -164,16 +164,17 @@ class AutopilotLink:
     # What it asks for.
 
     def stand_on_ground(self) -> None:
-        """Where it stands is height 0: altitudes of different GPS receivers differ by metres, the ground does not."""
-        if self._related_by_gps and self._frame is not None and self.heard.local_position is not None:
-            self._frame = LocalFrame(self._frame.north_m, self._frame.east_m, -self.heard.local_position[2])
+        """Where it stands is height 0, unless motion capture knows better."""
+        if self.heard.local_position is not None:
+            self._placement.stand_on_ground(self.heard.local_position[2])
 
     def stream(self, setpoint: Setpoint, time_s: float, boot_s: float) -> None:
         """Send a setpoint of the mission frame."""
-        if self._frame is None:
+        frame = self._placement.frame
+        if frame is None:
             return
         boot_ms = round((time_s - boot_s) * 1e3) & _MASK_32
-        local = setpoint.at_height(self._frame.down_to_local(setpoint.down_m))
+        local = setpoint.at_height(frame.down_to_local(setpoint.down_m))
         self._out.append(self.behaviour.setpoint(local, boot_ms, self._system_id, COMPONENT))
 
     def ask(self, request: Request, time_s: float) -> None:
@@ -195,6 +196,9 @@ class AutopilotLink:
                 self.ask(wanted, time_s)
             self._events += self._streams.events()
             self._seek_origin(time_s)
+            self.preflight.poll(time_s)
+            self._tell_findings()
+            self._out += self.parameters.poll(time_s)
         due, timed_out = self.commands.poll(time_s)
         for outcome in timed_out:
             self._end(outcome)
@@ -230,7 +234,7 @@ class AutopilotLink:
             self.behaviour = known
             if known is not self._expected:
                 self._say(mavlink.MAV_SEVERITY_ERROR, f"this is {known.name}; the scenario says {self._expected.name}")
-            self._streams = StreamWatch(known.rates_hz, time_s)
+            self._ask_anew(time_s)
 
     def _watch(self, time_s: float) -> None:
         """Say when the link comes and goes, and which sensors fail and recover."""
@@ -238,8 +242,7 @@ class AutopilotLink:
         if alive != self._was_heard:
             self._was_heard = alive
             if alive:
-                self._streams = StreamWatch(self.behaviour.rates_hz, time_s)
-                self._origin_asked_s = -math.inf
+                self._ask_anew(time_s)
                 self._say(mavlink.MAV_SEVERITY_INFO, f"autopilot heard: {self.behaviour.name}")
             else:
                 self._say(mavlink.MAV_SEVERITY_CRITICAL, "autopilot link lost")
@@ -261,53 +264,71 @@ class AutopilotLink:
         self.heard.heartbeat_s, self.heard.autopilot = heartbeat_s, autopilot
         self.poses = PoseHistory()
         self._clock = ClockOffset()
-        self._frame = None if self._related_by_gps else LocalFrame()
-        self._has_origin = False
-        self._origin_asked_s = -math.inf
-        self._origin_requests = 0
-        self._streams = StreamWatch(self.behaviour.rates_hz, time_s)
+        self._placement.forget()
+        self._ask_anew(time_s)
 
-    def _locate(self, stamp_s: float) -> None:
-        position = self.position
-        if position is not None:
+    def _ask_anew(self, time_s: float) -> None:
+        """For message rates and parameters: an autopilot that was away may have forgotten or changed them."""
+        behaviour = self.behaviour
+        self._streams = StreamWatch(behaviour.rates_hz, time_s)
+        self.parameters.forget()
+        self.parameters.bytewise = behaviour.integers_bytewise
+        self.preflight = Preflight(self.parameters, () if self._needs is None else behaviour.requirements(self._needs))
+
+    def _position_lacks(self, time_s: float) -> str:
+        if not self.heard.has_position(time_s):
+            return "no position estimate"
+        return "its local origin is unknown (GPS_GLOBAL_ORIGIN)" if self._placement.frame is None else ""
+
+    def _parameters_lack(self) -> str:
+        if not self.preflight.done:
+            return "its parameters are being read"
+        if not self.preflight.answered:
+            return "it does not answer for its parameters"
+        violations = self.preflight.violations()
+        if not violations:
+            return ""
+        more = f" and {len(violations) - 1} more" if len(violations) > 1 else ""
+        return f"parameter {violations[0]}{more}; arvi preflight shows and mends them"
+
+    def _tell_findings(self) -> None:
+        """Say what is wrong with the parameters when they have been read, and whenever that changes."""
+        if not self.preflight.done:
+            return
+        severities = {Verdict.WRONG: mavlink.MAV_SEVERITY_ERROR, Verdict.ADVICE: mavlink.MAV_SEVERITY_INFO}
+        findings = [finding for finding in self.preflight.findings() if finding.verdict in severities]
+        told = [str(finding) for finding in findings]
+        if told != self._told_findings:
+            self._told_findings = told
+            for finding in findings:
+                self._say(severities[finding.verdict], f"parameter {finding}")
+
+    def _remember(
+        self,
+        message: mavlink.MAVLink_local_position_ned_message | mavlink.MAVLink_attitude_message,
+        stamp_s: float,
+    ) -> None:
+        if isinstance(message, mavlink.MAVLink_attitude_message):
+            if self.heard.yaw_rad is not None:
+                self.poses.add_yaw(stamp_s, self.heard.yaw_rad)
+        elif (position := self.position) is not None:
             self.poses.add_position(stamp_s, position[0], position[1])
-
-    def _relate(self, message: mavlink.MAVLink_gps_global_origin_message) -> None:
-        """Where the local frame's origin is on Earth; until it stands to be armed, its height is where it started."""
-        if message.latitude == 0 and message.longitude == 0:
-            return
-        self._has_origin = True
-        if self._related_by_gps:
-            north_m, east_m = offset_m(self._origin, message.latitude * 1e-7, message.longitude * 1e-7)
-            self._frame = LocalFrame(north_m, east_m, 0.0 if self._frame is None else self._frame.down_m)
-
-    def _seek_origin(self, time_s: float) -> None:
-        """Ask where the local origin is; without GPS, tell where it is: no autopilot there knows by itself."""
-        if self._has_origin or time_s - self._origin_asked_s < ORIGIN_RETRY_S:
-            return
-        self._origin_asked_s = time_s
-        self._origin_requests += 1
-        if self._related_by_gps or self._origin_requests == 1:
-            self.ask(Request(mavlink.MAV_CMD_REQUEST_MESSAGE, (mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,)), time_s)
-            return
-        origin = self._origin
-        self._out.append(
-            mavlink.MAVLink_set_gps_global_origin_message(
-                self._system_id,
-                round(origin.latitude_deg * 1e7),
-                round(origin.longitude_deg * 1e7),
-                round(origin.altitude_m * 1e3),
-            )
-        )
 
     def _read(self, message: mavlink.MAVLink_statustext_message, time_s: float) -> None:
         whole = self._assembler.receive(message)
         if whole is None:
             return
-        severity, text = whole
+        severity, text = whole[0], whole[1].strip()
         self._say(severity, f"autopilot: {text}")
         if severity <= mavlink.MAV_SEVERITY_WARNING:
             self._recent_texts.append((time_s, text))
+
+    def _seek_origin(self, time_s: float) -> None:
+        message = self._placement.seek(self._system_id, COMPONENT, time_s)
+        if isinstance(message, mavlink.MAVLink_command_long_message):
+            self.commands.request(message, time_s)
+        elif message is not None:
+            self._out.append(message)
 
     def _end(self, outcome: CommandOutcome) -> None:
         if outcome.command not in _HOUSEKEEPING:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from onboard.flight.requirements import Needs, Requirement
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
@@ -54,6 +55,7 @@ class Behaviour(Protocol):
         rates_hz: Message id → rate that is asked for.
         streams_before_takeoff: Whether it wants setpoints before it is in the air, and climbs by them; else it takes
             off by itself and setpoints during the climb would end it.
+        integers_bytewise: Whether integer parameters travel bytewise in their float field.
         returns_from_failsafe: Whether it takes up the guided mode by itself when the reason of a failsafe is over.
     """
 
@@ -70,6 +72,8 @@ class Behaviour(Protocol):
     @property
     def streams_before_takeoff(self) -> bool: ...  # noqa: D102
     @property
+    def integers_bytewise(self) -> bool: ...  # noqa: D102
+    @property
     def returns_from_failsafe(self) -> bool: ...  # noqa: D102
 
     def mode_name(self, custom_mode: int) -> str:
@@ -82,6 +86,10 @@ class Behaviour(Protocol):
 
     def lacks(self, telemetry: Telemetry) -> str:
         """What it lacks to be started, in words; empty when it is ready."""
+        ...
+
+    def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
+        """What its parameters must be for a plan."""
         ...
 
     def mode(self, custom_mode: int) -> Request:

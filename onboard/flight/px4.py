@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from onboard.flight.behaviour import LaunchStep, Request, arm_request, mode_request
+from onboard.flight.px4_requirements import px4_requirements
+from onboard.flight.requirements import Needs, Requirement
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
@@ -38,6 +40,7 @@ class Px4:
     guided_mode: int = Px4Mode.OFFBOARD
     land_mode: int = Px4Mode.LAND
     streams_before_takeoff = True
+    integers_bytewise = True
     returns_from_failsafe = True
     rates_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -60,6 +63,10 @@ class Px4:
     def lacks(self, telemetry: Telemetry) -> str:
         """The health bit speaks of the mode that is active; OFFBOARD needs no more than that."""
         return "" if telemetry.prearm_ok else "its pre-arm checks fail"
+
+    def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
+        """What its parameters must be for a plan."""
+        return px4_requirements(needs)
 
     def mode(self, custom_mode: int) -> Request:
         """Ask for a mode: main and sub mode apart."""

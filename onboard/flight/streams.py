@@ -38,6 +38,7 @@ class StreamWatch:
         self._queue = list(rates_hz)
         self._asking: int | None = None
         self._slow: set[int] = set()
+        self._told: set[int] = set()
         self._refused: set[int] = set()
         self._events: list[Event] = []
 
@@ -83,13 +84,18 @@ class StreamWatch:
             slow = measured_hz < MIN_SHARE * wanted_hz - 0.5 / elapsed
             if not slow:
                 self._slow.discard(message_id)
+                self._told.discard(message_id)
                 continue
             since_asked_s = time_s - self._asked_s[message_id]
             if since_asked_s >= REASK_S and message_id not in self._queue and message_id != self._asking:
                 self._queue.append(message_id)
-            if measured_hz > 0.0 and elapsed < since_asked_s < math.inf and message_id not in self._slow:
-                self._slow.add(message_id)
+            if measured_hz == 0.0 or since_asked_s <= elapsed:
+                continue
+            # A stream that begins within a window looks slow in it.
+            if message_id in self._slow and message_id not in self._told:
+                self._told.add(message_id)
                 self._say(f"{self._name(message_id)} comes at {measured_hz:.0f} Hz, asked for {wanted_hz:g}")
+            self._slow.add(message_id)
 
     def _say(self, text: str) -> None:
         self._events.append(Event(mavlink.MAV_SEVERITY_WARNING, text))

@@ -19,6 +19,8 @@ SCENARIO = load_scenario(Path("configs/lab.yaml"))
 NOW = 1_800_000_000.0
 GROUND = Codec(255, 190)
 AUTOPILOT = Codec(1, 1)
+PARAMETERS = {"COM_OF_LOSS_T": 1.0, "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0}
+"""Others are a thousand, which is enough of anything."""
 
 
 def companion() -> Companion:
@@ -40,7 +42,16 @@ def make_ready(unit: Companion, time_s: float = NOW) -> None:
         mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
     ):
         unit.receive(LinkName.AUTOPILOT, AUTOPILOT.encode(message), time_s)
-    unit.tick(time_s)
+    for _ in range(5):
+        unit.tick(time_s)
+        for message in received(unit, LinkName.AUTOPILOT):
+            if isinstance(message, mavlink.MAVLink_param_request_read_message):
+                answer_parameter(unit, message.param_id, PARAMETERS.get(message.param_id, 1000.0), time_s)
+
+
+def answer_parameter(unit: Companion, name: str, value: float, time_s: float) -> None:
+    answer = mavlink.MAVLink_param_value_message(name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0)
+    unit.receive(LinkName.AUTOPILOT, AUTOPILOT.encode(answer), time_s)
 
 
 def start(seconds: float, *, target: int = 1, component: int = COMPONENT) -> mavlink.MAVLink_command_int_message:
@@ -97,6 +108,26 @@ def test_a_start_arms_and_repeating_it_changes_nothing() -> None:
     unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW + 0.5)
     assert unit.agent is agent
     assert results(unit) == [mavlink.MAV_RESULT_ACCEPTED] * 2
+
+
+def test_parameters_that_do_not_allow_the_plan_refuse_the_start_until_they_are_mended() -> None:
+    unit = companion()
+    make_ready(unit)
+    answer_parameter(unit, "MC_YAWRATE_MAX", 100.0, NOW)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    unit.tick(NOW + 0.02)
+    ground = received(unit, LinkName.GROUND)
+    assembler = StatusTextAssembler()
+    texts = [whole for m in ground if m.get_type() == "STATUSTEXT" and (whole := assembler.receive(m)) is not None]
+    refusal = next(text for _, text in texts if "refused" in text)
+    for part in ("MC_YAWRATE_MAX is 100", "171.887", "turn at 3 rad/s", "arvi preflight"):
+        assert part in refusal
+    (ack,) = [m for m in ground if isinstance(m, mavlink.MAVLink_command_ack_message)]
+    assert ack.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    answer_parameter(unit, "MC_YAWRATE_MAX", 200.0, NOW)
+    unit.tick(NOW + 0.04)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    assert results(unit) == [mavlink.MAV_RESULT_ACCEPTED]
 
 
 def test_another_start_in_flight_is_denied() -> None:
