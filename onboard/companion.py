@@ -21,8 +21,10 @@ from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.events import Event, Refusal
 from onboard.flight.machine import AIRBORNE, FlightMachine
 from onboard.flight.requirements import Needs
+from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
+from onboard.last_resort import LastResort
 from onboard.messages import FlightState
 from onboard.planning.plan import Plan
 from onboard.planning.problem import Problem
@@ -50,6 +52,8 @@ COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 
 MAX_START_AHEAD_S = 600.0
 MAX_DETECTION_AGE_S = 2.0
+NEAR_STATUS_S = 0.1
+"""How often teammates that are near hear where this vehicle is."""
 MIN_BUDGET_SHARE = 0.2
 """A slot of which less is left is not used: the plan would be no better than the one being flown."""
 
@@ -111,6 +115,7 @@ class Companion:
         self._signing = signing
         self._codecs = {name: Codec(vehicle_id, COMPONENT, self._signing_of(name)) for name in LinkName}
         self._refusals = RefusalNotice()
+        self._last_resort = LastResort(scenario, self.vehicle)
         self._checksum = primitives_checksum(scenario.primitive_set)
         self._counts = Counts()
         self._out: list[tuple[LinkName, bytes]] = []
@@ -119,6 +124,7 @@ class Companion:
         self._text_id = 0
         self._next_heartbeat_s = boot_s
         self._next_status_s = boot_s
+        self._next_near_status_s = boot_s
         self._last_setpoint_s: float | None = None
         self._last_step = -1
         self._planned_step = -1
@@ -163,6 +169,9 @@ class Companion:
             case mavlink.MAVLink_arvi_plan_message():
                 plan = read_plan(message, self._clock, self._checksum, len(self._scenario.primitives))
                 self.agent.receive_plan(plan)
+                begin_s, step_s = self._clock.time_of(plan.step), self._clock.step_s
+                flown = PlanTrajectory(begin_s, plan.start, self.agent.controls(plan), step_s)
+                self._last_resort.receive_plan(plan.sender, flown)
             case mavlink.MAVLink_explored_tile_message():
                 self.agent.receive_tile(read_tile(message), time_s)
 
@@ -246,7 +255,7 @@ class Companion:
             self._last_setpoint_s = None
         else:
             self._count_setpoint(time_s)
-            self.autopilot.stream(setpoint, time_s, self._boot_s)
+            self.autopilot.stream(self._kept_off(setpoint, time_s), time_s, self._boot_s)
         for message in self.autopilot.poll(time_s):
             self._send(LinkName.AUTOPILOT, message)
         self._step(time_s)
@@ -255,8 +264,22 @@ class Companion:
             self._heartbeat()
         if time_s >= self._next_status_s:
             self._next_status_s = max(self._next_status_s + self._scenario.mission.step_s, time_s)
+            self._next_near_status_s = time_s + NEAR_STATUS_S
             self._status(time_s)
+        elif self._last_resort.near and time_s >= self._next_near_status_s:
+            self._next_near_status_s = time_s + NEAR_STATUS_S
+            self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
+
+    def _kept_off(self, setpoint: Setpoint, time_s: float) -> Setpoint:
+        """What is streamed: the flight states' wish, off teammates and inside the fence."""
+        pose, position = self.autopilot.pose(), self.autopilot.position
+        if self.agent is None or position is None or not self.autopilot.has_position(time_s):
+            return setpoint
+        kept = self._last_resort.filter(setpoint, time_s, pose, position[2], self.agent.team.last_heard)
+        for text in self._last_resort.news():
+            self._say(mavlink.MAV_SEVERITY_WARNING, text)
+        return kept
 
     def outbox(self) -> list[tuple[LinkName, bytes]]:
         """Frames to send, in order, with their links."""
@@ -375,13 +398,16 @@ class Companion:
         self._send(LinkName.AUTOPILOT, message)
         self._send(LinkName.GROUND, message)
 
-    def _status(self, time_s: float) -> None:
+    def _status_message(self, time_s: float) -> mavlink.MAVLink_planner_status_message:
         rejected = sum(codec.rejected + codec.refused.total() for codec in self._codecs.values())
+        return planner_status(time_s, self._clock, self.machine, self.autopilot, self.agent, self._counts, rejected)
+
+    def _status(self, time_s: float) -> None:
         for link, codec in self._codecs.items():
             notice = self._refusals.update(link, codec.refused, time_s)
             if notice is not None:
                 self._say(mavlink.MAV_SEVERITY_WARNING, notice)
-        message = planner_status(time_s, self._clock, self.machine, self.autopilot, self.agent, self._counts, rejected)
+        message = self._status_message(time_s)
         self._send(LinkName.GROUND, message)
         if self.autopilot.pose() is not None:
             self._send(LinkName.PEERS, message)

@@ -139,6 +139,7 @@ class PeerStatus:
         yaw_rad: Heading, rad.
         neighbours: System ids that it hears.
         over_home: Whether it is above its home at its layer, or on the ground.
+        time_s: UNIX time at which all this was so, by the sender's clock, s.
     """
 
     sender: int
@@ -148,3 +149,4 @@ class PeerStatus:
     yaw_rad: float
     neighbours: tuple[int, ...]
     over_home: bool
+    time_s: float

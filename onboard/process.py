@@ -67,7 +67,7 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
 
 
 class _Process:
-    def __init__(self, scenario: Scenario, vehicle_id: int, keeper: SigningKeeper | None) -> None:
+    def __init__(self, scenario: Scenario, vehicle_id: int, keeper: SigningKeeper | None = None) -> None:
         self._keeper = keeper
         self._companion = Companion(scenario, vehicle_id, time.time(), keeper.signing if keeper is not None else None)
         self._planner = load_planner(

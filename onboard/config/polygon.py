@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["contains", "is_simple", "meets_segment", "overlap"]
+__all__ = ["Point", "contains", "is_simple", "meets_segment", "nearest_on_segment", "overlap"]
 
 Point = tuple[float, float]
 
@@ -37,6 +37,15 @@ def meets_segment(corners: Sequence[Point], start: Point, end: Point) -> bool:
     return contains(corners, start) or any(
         _touch(start, end, first, second) for first, second in zip(corners, [*corners[1:], corners[0]], strict=True)
     )
+
+
+def nearest_on_segment(start: Point, end: Point, point: Point) -> Point:
+    """The point of a segment that is nearest to a point."""
+    north, east = end[0] - start[0], end[1] - start[1]
+    square = north * north + east * east
+    along = ((point[0] - start[0]) * north + (point[1] - start[1]) * east) / square if square > 0.0 else 0.0
+    along = min(max(along, 0.0), 1.0)
+    return start[0] + along * north, start[1] + along * east
 
 
 def overlap(first: Sequence[Point], second: Sequence[Point]) -> bool:

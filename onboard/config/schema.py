@@ -13,6 +13,7 @@ from pydantic import Field, field_validator, model_validator
 
 from onboard.config.base import NonNegative, Positive, Section, SystemId
 from onboard.config.external import External
+from onboard.config.guard import GuardConfig
 from onboard.config.mocap import RealMocapConfig
 from onboard.config.patterns import AutopilotUrl, FilePath, LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple, overlap
@@ -203,6 +204,7 @@ class FlightConfig(Section):
     return_speed_m_s: Positive = 1.0
     return_patience_s: Positive = Field(default=10.0, description="how long to wait above home for teammates")
     reanchor_error_m: Positive = 0.6
+    guard: GuardConfig = GuardConfig()
     autopilot_timeout_s: Positive = 4.5
 
 

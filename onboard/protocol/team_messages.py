@@ -209,6 +209,7 @@ def read_status(message: mavlink.MAVLink_planner_status_message) -> PeerStatus:
         yaw_rad=message.yaw,
         neighbours=tuple(neighbour for neighbour in message.neighbours if neighbour),
         over_home=bool(message.over_home),
+        time_s=message.time_usec * 1e-6,
     )
 
 

@@ -247,6 +247,7 @@ class LockstepWorld:
             yaw_rad=pose.yaw_rad,
             neighbours=self.network.neighbours(index),
             over_home=False,
+            time_s=self.time_s,
         )
 
     def _build_central(self) -> CentralFilter:

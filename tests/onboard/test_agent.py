@@ -34,7 +34,9 @@ def meet(*agents: tuple[int, Agent], time_s: float) -> None:
     for number, agent in agents:
         for other in ids:
             if other != number:
-                status = PeerStatus(other, START_S, FlightState.TRACK, (0.0, 0.0, -1.0), 0.0, tuple(ids), False)
+                status = PeerStatus(
+                    other, START_S, FlightState.TRACK, (0.0, 0.0, -1.0), 0.0, tuple(ids), False, START_S
+                )
                 agent.receive_status(status, time_s)
 
 

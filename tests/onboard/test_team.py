@@ -13,7 +13,7 @@ def status(
     start: float | None = MISSION,
     over_home: bool = False,
 ) -> PeerStatus:
-    return PeerStatus(sender, start, state, (0.0, 0.0, -1.0), 0.0, neighbours, over_home)
+    return PeerStatus(sender, start, state, (0.0, 0.0, -1.0), 0.0, neighbours, over_home, 0.0)
 
 
 def test_neighbours_are_those_heard_lately() -> None:

@@ -1,0 +1,181 @@
+"""The last resort below the planner: a velocity that stays off teammates and inside the fence.
+
+Every danger bounds how fast the vehicle may approach it, by the distance that stopping takes; among the velocities that
+keep all bounds, the one nearest to what is wanted is flown. Far from danger that is what is wanted, so the filter hands
+back without a step. It is no planner: it may stop a vehicle where a plan would go around.
+
+A bound is a half-plane n·v ≤ b of velocities, as in the linear constraints of van den Berg, Guy, Lin, Manocha:
+Reciprocal n-body collision avoidance, 2011; with b = v(gap), the speed from which reaction and braking need the gap:
+gap = v·t + v²/(2a).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+from onboard.config.guard import GuardConfig
+from onboard.config.polygon import Point, contains, nearest_on_segment
+from onboard.flight.setpoints import Setpoint
+
+__all__ = ["Bound", "Guard", "Obstruction", "approach_speed_m_s", "nearest_velocity"]
+
+_TOLERANCE_M_S = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A limit on the velocity in one direction.
+
+    Attributes:
+        north: Unit vector towards the danger.
+        east: The same, east.
+        speed_m_s: Greatest speed in that direction; negative where the vehicle must retreat.
+    """
+
+    north: float
+    east: float
+    speed_m_s: float
+
+    def excess(self, velocity: Point) -> float:
+        """By how much a velocity breaks the bound, m/s; not positive where it keeps it."""
+        return self.north * velocity[0] + self.east * velocity[1] - self.speed_m_s
+
+
+@dataclass(frozen=True, slots=True)
+class Obstruction:
+    """Somebody to keep off.
+
+    Attributes:
+        north_m: Where, mission frame.
+        east_m: The same, east.
+        distance_m: That is to be kept between the centres, the uncertainty of its place included.
+    """
+
+    north_m: float
+    east_m: float
+    distance_m: float
+
+
+def approach_speed_m_s(gap_m: float, config: GuardConfig) -> float:
+    """The fastest speed from which the vehicle stops within a gap, m/s; negative (a retreat) in a negative one."""
+    if gap_m <= 0.0:
+        return max(config.retreat_gain_per_s * gap_m, -config.retreat_m_s)
+    lag = config.brake_m_s2 * config.reaction_s
+    return math.sqrt(lag * lag + 2.0 * config.brake_m_s2 * gap_m) - lag
+
+
+def nearest_velocity(wanted: Point, bounds: Sequence[Bound]) -> Point:
+    """The velocity nearest to the wanted one that keeps all bounds; where none does, the one that breaks them least.
+
+    With bounds that contradict each other, those that ask for a retreat ask for less and less, down to a standstill.
+
+    Args:
+        wanted: North, east, m/s.
+        bounds: Any number.
+    """
+    for relaxed in (0.0, 0.5, 1.0):
+        eased = [
+            bound if bound.speed_m_s >= 0.0 else replace(bound, speed_m_s=(1.0 - relaxed) * bound.speed_m_s)
+            for bound in bounds
+        ]
+        best = min(
+            (velocity for velocity in _candidates(wanted, eased) if _keeps(velocity, eased)),
+            key=lambda velocity: math.dist(velocity, wanted),
+            default=None,
+        )
+        if best is not None:
+            return best
+    return 0.0, 0.0
+
+
+def _candidates(wanted: Point, bounds: Sequence[Bound]) -> list[Point]:
+    """Where the optimum of the quadratic programme can be: free, on one line, or where two meet."""
+    if _keeps(wanted, bounds):
+        return [wanted]
+    found = []
+    for bound in bounds:
+        excess = bound.excess(wanted)
+        if excess > 0.0:
+            found.append((wanted[0] - excess * bound.north, wanted[1] - excess * bound.east))
+    for a, b in combinations(bounds, 2):
+        determinant = a.north * b.east - a.east * b.north
+        if abs(determinant) > 1e-9:
+            found.append(
+                (
+                    (a.speed_m_s * b.east - b.speed_m_s * a.east) / determinant,
+                    (b.speed_m_s * a.north - a.speed_m_s * b.north) / determinant,
+                )
+            )
+    return found
+
+
+def _keeps(velocity: Point, bounds: Sequence[Bound]) -> bool:
+    return all(bound.excess(velocity) <= _TOLERANCE_M_S for bound in bounds)
+
+
+class Guard:
+    """Filters one vehicle's setpoints.
+
+    Args:
+        config: Braking, reaction, margins.
+        fence: Corners (north m, east m) of the mission area.
+    """
+
+    def __init__(self, config: GuardConfig, fence: Sequence[Point]) -> None:
+        self._config = config
+        self._fence = tuple(fence)
+
+    def filter(self, setpoint: Setpoint, place: Point, obstructions: Sequence[Obstruction]) -> Setpoint:
+        """The setpoint, with a velocity that keeps off; the same object where it does already.
+
+        Args:
+            setpoint: What is wanted.
+            place: Where the vehicle is, mission frame, m.
+            obstructions: Whom to keep off, on its layer.
+        """
+        wanted = (setpoint.velocity_north_m_s, setpoint.velocity_east_m_s)
+        bounds = [*self._fence_bounds(place), *self._peer_bounds(place, obstructions)]
+        if _keeps(wanted, bounds):
+            return setpoint
+        north, east = nearest_velocity(wanted, bounds)
+        return replace(setpoint, velocity_north_m_s=north, velocity_east_m_s=east)
+
+    def _peer_bounds(self, place: Point, obstructions: Sequence[Obstruction]) -> list[Bound]:
+        """Each of two vehicles that approach each other gets half of the gap between them."""
+        bounds = []
+        for other in obstructions:
+            north, east = other.north_m - place[0], other.east_m - place[1]
+            apart = math.hypot(north, east)
+            if apart < 1e-6:
+                continue  # no direction is better than another
+            gap = 0.5 * (apart - other.distance_m)
+            bounds.append(Bound(north / apart, east / apart, approach_speed_m_s(gap, self._config)))
+        return bounds
+
+    def _fence_bounds(self, place: Point) -> list[Bound]:
+        """One for each edge; outside, only the nearest one, which calls back in."""
+        margin = self._config.fence_margin_m
+        if not contains(self._fence, place):
+            north, east = min((self._to_edge(place, index) for index in range(len(self._fence))), key=_length)
+            apart = math.hypot(north, east)
+            if apart < 1e-6:
+                return []
+            return [Bound(-north / apart, -east / apart, approach_speed_m_s(margin - apart, self._config))]
+        bounds = []
+        for index in range(len(self._fence)):
+            north, east = self._to_edge(place, index)
+            apart = math.hypot(north, east)
+            if apart >= 1e-6:
+                bounds.append(Bound(north / apart, east / apart, approach_speed_m_s(apart + margin, self._config)))
+        return bounds
+
+    def _to_edge(self, place: Point, index: int) -> Point:
+        north, east = nearest_on_segment(self._fence[index - 1], self._fence[index], place)
+        return north - place[0], east - place[1]
+
+
+def _length(vector: Point) -> float:
+    return math.hypot(*vector)

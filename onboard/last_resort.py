@@ -1,0 +1,131 @@
+"""The last resort of one vehicle: knows where teammates are now, keeps its setpoints off them and inside the fence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from onboard.config.schema import Scenario, VehicleConfig
+from onboard.flight.separation import Guard, Obstruction
+from onboard.flight.setpoints import Setpoint
+from onboard.flight.trajectory import PlanTrajectory, Reference
+from onboard.geometry import Pose
+from onboard.messages import FlightState, PeerStatus
+
+__all__ = ["LastResort"]
+
+EXPLAINED_M = 0.5
+"""A peer that is no farther from its plan than this is taken to move along it."""
+PLANS_KEPT = 3
+NEAR_M = 1.5
+"""Gap to a teammate below which positions must be fresh: at 2 m/s it lasts less than a second."""
+NOTICE_M_S = 0.2
+"""A change of the velocity that the operator is told of."""
+CALM_S = 2.0
+"""Without such a change for so long, danger is over."""
+
+_ON_THE_GROUND = (FlightState.WAIT, FlightState.STANDBY, FlightState.ARM, FlightState.LANDED)
+
+
+class LastResort:
+    """Filters setpoints by what peers said of themselves, extrapolated to now.
+
+    Args:
+        scenario: Separations, layers, speeds, fence.
+        vehicle: This robot.
+
+    Attributes:
+        near: Whether a teammate is so near that it should hear more often where this robot is.
+    """
+
+    def __init__(self, scenario: Scenario, vehicle: VehicleConfig) -> None:
+        config = scenario.flight.guard
+        self._enabled = config.enabled
+        self._guard = Guard(config, scenario.mission.fence)
+        self._keep_m = config.separation_share * scenario.mission.separation_m
+        self._layers_m = scenario.mission.layer_separation_m
+        self._silence_s = config.silence_s
+        self._drift_m = config.drift_m
+        self._speed_m_s = max(primitive.speed_m_s for primitive in scenario.primitive_set)
+        self.near = False
+        self._plans: dict[int, list[PlanTrajectory]] = {}
+        self._acted_s = -math.inf
+        self._acting = False
+        self._news: list[str] = []
+
+    def receive_plan(self, sender: int, trajectory: PlanTrajectory) -> None:
+        """What a peer flies from the start of this trajectory on."""
+        plans = self._plans.setdefault(sender, [])
+        plans[:] = [*(plan for plan in plans if plan.start_s < trajectory.start_s), trajectory][-PLANS_KEPT:]
+
+    def filter(
+        self, setpoint: Setpoint, time_s: float, place: Pose | None, down_m: float, heard: Iterable[PeerStatus]
+    ) -> Setpoint:
+        """The setpoint with a velocity that keeps off.
+
+        Args:
+            setpoint: What is wanted.
+            time_s: UNIX time, s.
+            place: Where this robot is; without that nothing is changed.
+            down_m: Its height, NED, m: who is well above or below is out of the way.
+            heard: The last status of each peer, however old.
+        """
+        if not self._enabled or place is None:
+            return setpoint
+        here = (place.north_m, place.east_m)
+        obstructions = self.obstructions(time_s, down_m, heard)
+        self.near = any(
+            math.dist(here, (other.north_m, other.east_m)) - other.distance_m < NEAR_M for other in obstructions
+        )
+        filtered = self._guard.filter(setpoint, here, obstructions)
+        self._watch(setpoint, filtered, time_s)
+        return filtered
+
+    def obstructions(self, time_s: float, down_m: float, heard: Iterable[PeerStatus]) -> list[Obstruction]:
+        """Whom to keep off at a UNIX time, and by how much."""
+        found = []
+        for status in heard if self._keep_m > 0.0 else ():
+            age_s = max(time_s - status.time_s, 0.0)
+            below_or_above = abs(status.position[2] - down_m) >= self._layers_m
+            if status.state in _ON_THE_GROUND or age_s > self._silence_s or below_or_above:
+                continue
+            north_m, east_m, unsure_m = self._place_of(status, age_s, time_s)
+            found.append(Obstruction(north_m, east_m, self._keep_m + unsure_m))
+        return found
+
+    def news(self) -> list[str]:
+        """What the operator should know since the last call."""
+        news, self._news = self._news, []
+        return news
+
+    def _place_of(self, status: PeerStatus, age_s: float, time_s: float) -> tuple[float, float, float]:
+        """North, east and how far off at most that may be, m."""
+        north, east = status.position[:2]
+        then, now = self._reference(status.sender, status.time_s), self._reference(status.sender, time_s)
+        if status.state is FlightState.TRACK and then is not None and now is not None:
+            off = math.hypot(then.pose.north_m - north, then.pose.east_m - east)
+            if off <= EXPLAINED_M:
+                moved_north, moved_east = now.pose.north_m - then.pose.north_m, now.pose.east_m - then.pose.east_m
+                return north + moved_north, east + moved_east, 0.0
+        speed_m_s = 0.0 if status.state is FlightState.HOLD else self._speed_m_s
+        return north, east, min(speed_m_s * age_s, self._drift_m)
+
+    def _reference(self, peer: int, time_s: float) -> Reference | None:
+        for plan in reversed(self._plans.get(peer, ())):
+            if plan.start_s <= time_s:
+                return plan.reference(time_s)
+        return None
+
+    def _watch(self, wanted: Setpoint, filtered: Setpoint, time_s: float) -> None:
+        change = math.hypot(
+            wanted.velocity_north_m_s - filtered.velocity_north_m_s,
+            wanted.velocity_east_m_s - filtered.velocity_east_m_s,
+        )
+        if change > NOTICE_M_S:
+            self._acted_s = time_s
+            if not self._acting:
+                self._acting = True
+                self._news.append("last resort: too close to a teammate or the fence; keeping off")
+        elif self._acting and time_s - self._acted_s > CALM_S:
+            self._acting = False
+            self._news.append("last resort: clear again")

@@ -1,0 +1,87 @@
+"""Where peers are taken to be between their statuses, and what is said of it."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from onboard.config import load_scenario
+from onboard.flight.setpoints import Setpoint
+from onboard.flight.trajectory import PlanTrajectory
+from onboard.geometry import Pose
+from onboard.last_resort import CALM_S, LastResort
+from onboard.messages import FlightState, PeerStatus
+from onboard.planning.primitives import Primitive
+
+LAB = load_scenario(Path("configs/lab.yaml"))
+GUARD = LAB.flight.guard
+KEEP_M = GUARD.separation_share * LAB.mission.separation_m
+NOW = 1_800_000_000.0
+STATUS = PeerStatus(2, NOW, FlightState.TRACK, (2.0, 4.0, -1.0), 0.0, (1,), False, NOW)
+NORTHWARD = PlanTrajectory(NOW - 1.0, Pose(1.0, 4.0, 0.0), [Primitive(1.0, 0.0)] * 12, 0.5)
+
+
+def unit() -> LastResort:
+    return LastResort(LAB, LAB.vehicle(1))
+
+
+def setpoint(north: float, east: float) -> Setpoint:
+    return Setpoint(north, east, 0.0, -1.0, 0.0, 0.0)
+
+
+def test_a_peer_on_its_plan_is_extrapolated_along_it() -> None:
+    resort = unit()
+    resort.receive_plan(2, NORTHWARD)
+    (other,) = resort.obstructions(NOW + 0.4, -1.0, [STATUS])
+    assert (other.north_m, other.east_m, other.distance_m) == pytest.approx((2.4, 4.0, KEEP_M))
+
+
+def test_the_plan_that_is_flown_now_counts_not_the_next_one() -> None:
+    resort = unit()
+    resort.receive_plan(2, NORTHWARD)
+    resort.receive_plan(2, PlanTrajectory(NOW + 1.0, Pose(3.0, 4.0, 1.5), [Primitive(1.0, 3.0)] * 12, 0.5))
+    (other,) = resort.obstructions(NOW + 0.4, -1.0, [STATUS])
+    assert other.north_m == pytest.approx(2.4)
+
+
+def test_a_peer_off_its_plan_is_anywhere_near_and_no_farther_than_the_limit() -> None:
+    resort = unit()
+    resort.receive_plan(2, NORTHWARD)
+    astray = dataclasses.replace(STATUS, position=(2.0, 6.0, -1.0))
+    for age_s, unsure_m in ((0.2, 0.2), (4.0, GUARD.drift_m)):
+        (other,) = resort.obstructions(NOW + age_s, -1.0, [astray])
+        assert (other.north_m, other.east_m) == (2.0, 6.0)
+        assert other.distance_m == pytest.approx(KEEP_M + unsure_m)
+
+
+@pytest.mark.parametrize(
+    "status",
+    [
+        dataclasses.replace(STATUS, state=FlightState.LANDED),
+        dataclasses.replace(STATUS, position=(2.0, 4.0, -1.0 - LAB.mission.layer_separation_m)),
+        dataclasses.replace(STATUS, time_s=NOW - GUARD.silence_s - 0.1),
+    ],
+    ids=["on the ground", "on another layer", "silent for long"],
+)
+def test_who_is_not_in_the_way_is_not_kept_off(status: PeerStatus) -> None:
+    assert unit().obstructions(NOW, -1.0, [status]) == []
+
+
+def test_a_peer_that_fell_silent_is_still_kept_off_for_a_while() -> None:
+    assert len(unit().obstructions(NOW + GUARD.silence_s - 0.1, -1.0, [STATUS])) == 1
+
+
+def test_the_operator_hears_when_it_acts_and_when_it_is_over() -> None:
+    resort, here = unit(), Pose(1.2, 4.0, 0.0)
+    assert resort.filter(setpoint(1.0, 0.0), NOW, here, -1.0, [STATUS]).velocity_north_m_s < 0.5
+    assert resort.near
+    assert resort.news() == ["last resort: too close to a teammate or the fence; keeping off"]
+    away = dataclasses.replace(STATUS, position=(3.9, 7.0, -1.0), time_s=NOW + CALM_S + 0.1)
+    resort.filter(setpoint(0.0, 0.0), NOW + CALM_S + 0.1, here, -1.0, [away])
+    assert not resort.near
+    assert resort.news() == ["last resort: clear again"]
+
+
+def test_without_a_position_nothing_is_changed() -> None:
+    wanted = setpoint(1.0, 0.0)
+    assert unit().filter(wanted, NOW, None, -1.0, [STATUS]) is wanted
