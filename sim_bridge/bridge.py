@@ -327,8 +327,9 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
     if scenario.mission.position_source == "mocap":
         mocap = MotionCapture(simulation.mocap, {i: generator(seed, Stream.MOCAP, i) for i in ids}, pacer.time_s)
     targets = range(1, simulation.ground_robots.count + 1)
+    faults = FaultInjection(simulation.faults, seed, ids, targets, pacer.time_s, live=simulation.allow_live_faults)
     return Bridge(
-        world=build_world(scenario, seed, pacer.time_s),
+        world=build_world(scenario, seed, pacer.time_s, faults),
         mocap=mocap,
         detector=Detector(
             simulation.detector,
@@ -339,7 +340,7 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
         ),
         radio=Radio(simulation.radio, generator(seed, Stream.RADIO)),
         pacer=pacer,
-        faults=FaultInjection(simulation.faults, seed, ids, targets, pacer.time_s, live=simulation.allow_live_faults),
+        faults=faults,
         served=[vehicle.id for vehicle in scenario.vehicles if vehicle.external and vehicle.external.pose == "truth"],
         bodies=RigidBodies(scenario.mocap) if scenario.mocap is not None else None,
         watches=_watches(scenario, simulation),

@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Protocol
 
+import numpy as np
+
 from onboard.config import Scenario
+from onboard.config.simulation import OriginConfig
 from onboard.protocol import dialect as mavlink
 from sim_bridge.arena import Arena
 from sim_bridge.autopilot import INDOOR_PARAMETERS, LinkName, ParameterError, SimulatedAutopilot
 from sim_bridge.errors import BridgeError, require_simulation
 from sim_bridge.external import ExternalAutopilot, build_external
+from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.ground_robots import GroundRobots
 from sim_bridge.seeding import Stream, generator
 from sim_bridge.truth import TargetTruth, VehicleTruth
@@ -66,6 +71,9 @@ class AutopilotModel(Protocol):
 
     def receive_mocap(self, odometry: mavlink.MAVLink_odometry_message) -> None:
         """Take a motion capture sample."""
+
+    def drain_battery(self, remaining: float) -> None:
+        """Leave so much charge, 0 to 1, in its battery."""
 
     def step(self, time_s: float, dt_s: float) -> None:
         """Move on by ``dt_s`` to ``time_s``."""
@@ -173,13 +181,14 @@ class World:
             separation[second[0]] = min(separation[second[0]], distance)
 
 
-def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
+def build_world(scenario: Scenario, seed: int, time_s: float, faults: FaultInjection) -> World:
     """The world of a scenario: vehicles at rest on their launch pads, ground robots at their starts.
 
     Args:
         scenario: Its ``simulation`` section says what is simulated.
         seed: Decides everything random.
         time_s: UNIX time at which the autopilots boot, s.
+        faults: What goes wrong with them.
 
     Raises:
         BridgeError: The scenario has no ``simulation`` section, an autopilot parameter that PX4 does not have, or
@@ -201,15 +210,16 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
             yaw_rad=config.home_pose.yaw_rad,
             rng=generator(seed, Stream.VEHICLE, config.id),
         )
+        boot = partial(
+            _boot,
+            config.id,
+            body,
+            origin=scenario.mission.origin,
+            parameters=parameters,
+            rng=generator(seed, Stream.AUTOPILOT, config.id),
+        )
         try:
-            autopilot = SimulatedAutopilot(
-                config.id,
-                body,
-                origin=scenario.mission.origin,
-                parameters=parameters,
-                rng=generator(seed, Stream.AUTOPILOT, config.id),
-                boot_time_s=time_s,
-            )
+            autopilot = faults.autopilot(config.id, boot, time_s)
         except ParameterError as error:
             raise BridgeError(f"simulation.parameters.{error}") from None
         vehicles.append(SimulatedVehicle(config.id, body, autopilot))
@@ -217,3 +227,16 @@ def build_world(scenario: Scenario, seed: int, time_s: float) -> World:
     robots = GroundRobots(simulation.ground_robots, arena, generator(seed, Stream.GROUND_ROBOTS))
     external = [build_external(scenario, config, time_s) for config in scenario.vehicles if config.external is not None]
     return World(vehicles, robots, 1.0 / simulation.physics_rate_hz, external)
+
+
+def _boot(
+    vehicle_id: int,
+    body: Vehicle,
+    time_s: float,
+    *,
+    origin: OriginConfig,
+    parameters: dict[str, int | float],
+    rng: np.random.Generator,
+) -> SimulatedAutopilot:
+    """Switch a simulated autopilot on."""
+    return SimulatedAutopilot(vehicle_id, body, origin=origin, parameters=parameters, rng=rng, boot_time_s=time_s)

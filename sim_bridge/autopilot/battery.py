@@ -35,6 +35,10 @@ class Battery:
         drop_v = LOAD_DROP_V if self.current_a > IDLE_CURRENT_A else 0.0
         return EMPTY_V + (FULL_V - EMPTY_V) * self.remaining - drop_v
 
+    def drain(self, remaining: float) -> None:
+        """Leave so much charge, 0…1."""
+        self.consumed_mah = (1.0 - remaining) * CAPACITY_MAH
+
     def step(self, dt_s: float, *, motors_on: bool) -> None:
         """Draw current for a time, s."""
         self.current_a = HOVER_CURRENT_A if motors_on else IDLE_CURRENT_A

@@ -199,6 +199,10 @@ class SimulatedAutopilot:
         """Take ODOMETRY of type VISION in local NED from the motion capture, at the time of the last call."""
         self.vision.receive_odometry(odometry, self.time_s)
 
+    def drain_battery(self, remaining: float) -> None:
+        """Leave so much charge, 0…1, in the battery."""
+        self.battery.drain(remaining)
+
     def step(self, time_s: float, dt_s: float) -> None:
         """Advance the autopilot and its vehicle.
 

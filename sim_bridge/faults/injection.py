@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from onboard.config.faults import FaultConfig
+from sim_bridge.faults.autopilot import FaultyAutopilot
 from sim_bridge.faults.detections import FaultyDetections
 from sim_bridge.faults.live import LiveFaults
 from sim_bridge.faults.poses import FaultyPoses
@@ -12,6 +14,9 @@ from sim_bridge.faults.radio import FaultyRadio
 from sim_bridge.faults.schedule import FaultSchedule
 from sim_bridge.radio import Radio
 from sim_bridge.seeding import Stream, generator
+
+if TYPE_CHECKING:
+    from sim_bridge.world import AutopilotModel
 
 __all__ = ["FaultInjection"]
 
@@ -48,8 +53,20 @@ class FaultInjection:
         self.live = LiveFaults(self.schedule, vehicles, allowed=live)
         self.detections = FaultyDetections(self.schedule, generator(seed, Stream.DETECTOR_FAULTS), targets)
         self.poses = FaultyPoses(self.schedule, generator(seed, Stream.MOCAP_FAULTS))
+        self._seed = seed
         self._radio_rng = generator(seed, Stream.RADIO_FAULTS)
 
     def radio(self, radio: Radio) -> FaultyRadio:
         """A radio with its faults."""
         return FaultyRadio(radio, self.schedule, self._radio_rng)
+
+    def autopilot(self, vehicle_id: int, boot: Callable[[float], AutopilotModel], time_s: float) -> FaultyAutopilot:
+        """An autopilot with its faults.
+
+        Args:
+            vehicle_id: Whose.
+            boot: Switches it on at a UNIX time, s.
+            time_s: UNIX time at which that happens first, s.
+        """
+        rng = generator(self._seed, Stream.LINK_FAULTS, vehicle_id)
+        return FaultyAutopilot(vehicle_id, boot, self.schedule, rng, time_s)

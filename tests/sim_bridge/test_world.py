@@ -11,11 +11,13 @@ from onboard.config import Scenario, load_scenario
 from onboard.config.simulation import GroundRobotsConfig
 from sim_bridge.arena import Arena
 from sim_bridge.errors import BridgeError
+from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.ground_robots import GroundRobots
 from sim_bridge.world import SimulatedVehicle, World, build_world
 
 LAB = load_scenario(Path(__file__).parents[2] / "configs" / "lab.yaml")
 NOON = 1_790_000_000.0
+NO_FAULTS = FaultInjection((), 1, (1, 2, 3), (1, 2, 3, 4, 5), NOON)
 DT = 0.005
 
 
@@ -102,7 +104,7 @@ def test_a_lone_vehicle_is_infinitely_far_from_others():
 
 
 def test_a_scenarios_world_stands_on_its_launch_pads():
-    world = build_world(LAB, seed=1, time_s=NOON)
+    world = build_world(LAB, 1, NOON, NO_FAULTS)
     for config in LAB.vehicles:
         truth = world.vehicles[config.id].truth()
         assert truth.position == (*config.home, 0.0)
@@ -114,7 +116,7 @@ def test_adding_a_vehicle_does_not_change_the_targets():
     fewer = Scenario.model_validate({**LAB.model_dump(), "vehicles": LAB.model_dump()["vehicles"][:1]})
     tracks = []
     for scenario in (LAB, fewer):
-        world = build_world(scenario, seed=5, time_s=NOON)
+        world = build_world(scenario, 5, NOON, NO_FAULTS)
         run(world, 5.0)
         tracks.append(world.target_truth())
     assert tracks[0] == tracks[1]
@@ -124,10 +126,10 @@ def test_an_unknown_parameter_is_named_with_its_section():
     data = LAB.model_dump()
     data["simulation"]["parameters"] = {"MPC_XY_VEL": 3.0}
     with pytest.raises(BridgeError, match=r"simulation\.parameters\.MPC_XY_VEL: PX4 has no such parameter"):
-        build_world(Scenario.model_validate(data), seed=1, time_s=NOON)
+        build_world(Scenario.model_validate(data), 1, NOON, NO_FAULTS)
 
 
 def test_nothing_to_simulate_is_said():
     scenario = Scenario.model_validate({**LAB.model_dump(), "simulation": None})
     with pytest.raises(BridgeError, match="scenario lab has no section simulation"):
-        build_world(scenario, seed=1, time_s=NOON)
+        build_world(scenario, 1, NOON, NO_FAULTS)
