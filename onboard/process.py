@@ -10,10 +10,12 @@ import asyncio
 import logging
 import signal
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 from onboard.companion import Companion, LinkName, PlanningJob
+from onboard.config.faults import Component, clock_offset_s
 from onboard.config.schema import Scenario
 from onboard.planning.plan import Budget, Plan
 from onboard.planning.pluggable import PlannerSetup, load_planner
@@ -23,7 +25,7 @@ from onboard.protocol.transport import Link, open_link
 from onboard.realtime import make_this_thread_urgent
 from onboard.signing_keeper import SigningKeeper
 
-__all__ = ["fly"]
+__all__ = ["clock_of", "fly"]
 
 LEAVE_PATIENCE_S = 3.0
 
@@ -66,10 +68,32 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
         process.close()
 
 
+def clock_of(scenario: Scenario, vehicle_id: int, unix_s: Callable[[], float] = time.time) -> Callable[[], float]:
+    """What the onboard computer's clock shows, UNIX time, s: the true time but for what the simulation makes of it.
+
+    Args:
+        scenario: Its ``simulation.faults`` may set the clock wrong, counted from this call.
+        vehicle_id: Whose computer.
+        unix_s: The true time, s.
+    """
+    script = scenario.simulation.faults if scenario.simulation is not None else ()
+    faults = tuple(fault for fault in script if fault.component is Component.CLOCK and fault.concerns(vehicle_id))
+    if not faults:
+        return unix_s
+    boot_s = unix_s()
+
+    def clock() -> float:
+        now_s = unix_s()
+        return now_s + clock_offset_s(faults, vehicle_id, now_s - boot_s)
+
+    return clock
+
+
 class _Process:
     def __init__(self, scenario: Scenario, vehicle_id: int, keeper: SigningKeeper | None = None) -> None:
         self._keeper = keeper
-        self._companion = Companion(scenario, vehicle_id, time.time(), keeper.signing if keeper is not None else None)
+        self._clock = clock_of(scenario, vehicle_id)
+        self._companion = Companion(scenario, vehicle_id, self._clock(), keeper.signing if keeper is not None else None)
         self._planner = load_planner(
             scenario.planner.use,
             PlannerSetup(scenario, vehicle_id, seed=vehicle_id, options=scenario.planner.options),
@@ -101,7 +125,7 @@ class _Process:
         due = loop.time()
         leave_by = None
         while self._stops < 2:
-            now = time.time()
+            now = self._clock()
             if self._stops:
                 leave_by = leave_by if leave_by is not None else now + LEAVE_PATIENCE_S
                 if self._companion.leave(now) or now > leave_by:
@@ -122,7 +146,7 @@ class _Process:
         self._stops += 1
 
     def _receive(self, link: LinkName, datagram: bytes) -> None:
-        self._companion.receive(link, datagram, time.time())
+        self._companion.receive(link, datagram, self._clock())
         self._flush()
 
     def _flush(self) -> None:
@@ -135,11 +159,11 @@ class _Process:
         """Start the planner when its slot has begun."""
         if self._planning:
             return
-        job = self._companion.planning_job(time.time())
+        job = self._companion.planning_job(self._clock())
         if job is None:
             return
         self._planning = True
-        deadline = time.perf_counter() + (job.slot.deadline_s - time.time())
+        deadline = time.perf_counter() + (job.slot.deadline_s - self._clock())
         loop = asyncio.get_running_loop()
         future = loop.run_in_executor(self._thread, self._planner.plan, job.problem, Budget(deadline_s=deadline))
         future.add_done_callback(partial(self._planned, job))
@@ -150,7 +174,7 @@ class _Process:
             return
         error = future.exception()
         if error is None:
-            self._companion.planned(job, future.result(), time.time())
+            self._companion.planned(job, future.result(), self._clock())
         else:
             _log.error("planner failed", exc_info=error)
             self._companion.planning_failed(job, str(error) or type(error).__name__)

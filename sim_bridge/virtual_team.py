@@ -18,6 +18,7 @@ from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.commands import Command
 from sim_bridge.autopilot.links import GCS, ONBOARD
+from sim_bridge.autopilot.links import LinkName as AutopilotLinkName
 from sim_bridge.bridge import Bridge, Port, build_bridge
 from sim_bridge.errors import require_simulation
 from sim_bridge.faults.computer import OnboardComputer
@@ -123,10 +124,10 @@ class VirtualTeam:
                 if isinstance(heard, mavlink.MAVLink_command_long_message):
                     self.bridge.obey(heard, self.time_s)
 
-    def command_autopilot(self, message: Command) -> None:
+    def command_autopilot(self, message: Command, link: AutopilotLinkName = GCS) -> None:
         """Send a command of the ground station straight to the autopilot that it is addressed to."""
         for heard in self._autopilots[message.target_system].decode(self._ground.encode(message)):
-            self.bridge.receive(message.target_system, GCS, heard, self.time_s)
+            self.bridge.receive(message.target_system, link, heard, self.time_s)
 
     def _tick(self) -> None:
         self._ticks += 1

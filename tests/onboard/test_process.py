@@ -1,14 +1,16 @@
 """The onboard process flies the planner that its scenario names."""
 
+import time
 from pathlib import Path
 
 import pytest
 
 from onboard.config import Scenario, load_scenario
+from onboard.config.faults import Component, FaultConfig, FaultType
 from onboard.config.schema import PlannerConfig
 from onboard.planning.baselines.arvi import Arvi, Greedy
 from onboard.planning.pluggable import PlannerError
-from onboard.process import _Process
+from onboard.process import _Process, clock_of
 
 
 def scenario_with(**planner: str) -> Scenario:
@@ -26,3 +28,21 @@ def test_the_planner_is_the_one_that_the_scenario_names() -> None:
 def test_a_planner_that_does_not_exist_keeps_the_process_from_starting() -> None:
     with pytest.raises(PlannerError, match="arvy"):
         _Process(scenario_with(use="arvy"), 1)
+
+
+def test_the_clock_is_as_wrong_as_the_scenario_says_and_only_that_of_its_vehicle() -> None:
+    lab = load_scenario(Path("configs/lab.yaml"))
+    assert lab.simulation is not None
+    late = FaultConfig(
+        component=Component.CLOCK,
+        type=FaultType.WRONG,
+        vehicles=(2,),
+        since="boot",
+        from_s=5.0,
+        parameters={"offset_s": -0.5},
+    )
+    scenario = lab.model_copy(update={"simulation": lab.simulation.model_copy(update={"faults": (late,)})})
+    times = iter([100.0, 104.0, 105.0])
+    clock = clock_of(scenario, 2, lambda: next(times))
+    assert [clock(), clock()] == [104.0, 104.5]
+    assert clock_of(scenario, 1) is time.time
