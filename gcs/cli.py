@@ -55,6 +55,15 @@ DashboardHost = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Address of the dashboard; whoever reaches it can command the team.")
 ]
 
+Forward = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="URL",
+        help="Let another ground station (QGroundControl, MAVProxy) see and command the team at udpout:HOST:PORT or "
+        "udpin:HOST:PORT, besides ground.forward; may be repeated.",
+    ),
+]
+
 app = typer.Typer(
     name="arvi",
     help="Fly teams of robots that plan together where to look (MAVLink, PX4).",
@@ -95,6 +104,7 @@ def fly(
     record: Record = None,
     no_record: NoRecord = False,
     record_limit: RecordLimit = 2000,
+    forward: Forward = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the summary as JSON.")] = None,
     dashboard: Dashboard = None,
     dashboard_port: DashboardPort = 5006,
@@ -115,11 +125,13 @@ def fly(
     The flight is recorded in flights/NAME-DATE-TIME: .tlog for QGroundControl or MAVProxy, MCAP for Foxglove or
     Lichtblick.
 
+    - `arvi fly configs/lab.yaml --forward udpout:127.0.0.1:14560`: QGroundControl, listening there, sees the team, too
+
     Exits with 0 when all landed, 1 when something failed in flight, 2 for bad input or ports in use.
     """
     if math.isnan(duration):
         _refuse("--duration nan: a time in seconds is needed, or inf to fly until Ctrl-C")
-    scenario = _load(config)
+    scenario = _forwarding(_load(config), forward)
     if json is not None and not json.parent.is_dir():
         _refuse(f"--json {json}: the folder {json.parent} does not exist")
     from gcs.dashboard.start import DashboardOptions
@@ -180,6 +192,7 @@ def gcs(
     record: Record = None,
     no_record: NoRecord = False,
     record_limit: RecordLimit = 2000,
+    forward: Forward = None,
     dashboard: Dashboard = None,
     dashboard_port: DashboardPort = 5006,
     dashboard_host: DashboardHost = "127.0.0.1",
@@ -196,7 +209,7 @@ def gcs(
     """
     if duration is not None and not start:
         _refuse("--duration needs --start: a station that only watches does not end a flight")
-    scenario = _load(config)
+    scenario = _forwarding(_load(config), forward)
     from gcs.dashboard.start import DashboardOptions
     from gcs.run import run_station
 
@@ -266,6 +279,21 @@ def _recording(record: Path | None, limit_mb: int, *, wanted: bool) -> Recording
         sys.stderr.write(f"the flight is not recorded: {Path.cwd()} cannot be written to (try --record DIR)\n")
         parent = None
     return RecordingOptions(parent, limit_mb)
+
+
+def _forwarding(scenario: Scenario, forward: list[str] | None) -> Scenario:
+    """The scenario with more links to other ground stations."""
+    if not forward:
+        return scenario
+    from pydantic import ValidationError
+
+    ground = scenario.ground
+    try:
+        more = type(ground).model_validate(ground.model_dump() | {"forward": (*ground.forward, *forward)})
+    except ValidationError as error:
+        wrong = [str(e.get("input")) for e in error.errors()]
+        _refuse(f"--forward {', '.join(wrong)}: udpout:HOST:PORT or udpin:HOST:PORT is needed, at most eight of them")
+    return scenario.model_copy(update={"ground": more})
 
 
 def _refuse(text: str) -> NoReturn:

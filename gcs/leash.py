@@ -15,9 +15,14 @@ import os
 import signal
 import sys
 
-__all__ = ["main"]
+__all__ = ["leashed", "main"]
 
 PR_SET_PDEATHSIG = 1
+
+
+def leashed(program: list[str]) -> list[str]:
+    """The program, given with its full path, on a leash held by this process."""
+    return [sys.executable, "-I", "-S", __file__, str(os.getpid()), *program]
 
 
 def main(arguments: list[str]) -> None:

@@ -21,7 +21,7 @@ _START_SETTLES_S = 3.0
 _AGAIN_S = 4.0
 """Longer than a command takes to end unanswered: asking sooner would start its attempts afresh and hide the silence."""
 
-_LAND_MODE = "LAND"
+_LANDING_MODES = ("LAND", "RTL", "AUTO_RTL", "SMART_RTL")
 _READY = (FlightState.STANDBY, FlightState.LANDED)
 _COMING_DOWN = (FlightState.RETURN, FlightState.LAND, FlightState.LANDED)
 
@@ -147,7 +147,9 @@ class MissionDirector:
         if self._down(vehicle, now_s):
             return []
         directly = not vehicle.onboard_alive or now_s >= self._direct_from_s
-        under_way = vehicle.mode == _LAND_MODE if directly else vehicle.flight_state in _COMING_DOWN
+        under_way = vehicle.mode in _LANDING_MODES if directly else vehicle.flight_state in _COMING_DOWN
+        if not directly and vehicle.flight_state is FlightState.RELEASED:
+            return []  # somebody else has it, and its onboard process would refuse
         to = (vehicle.id, AUTOPILOT if directly else ONBOARD)
         if under_way or now_s - self._land_asked_s.get(to, -math.inf) < _AGAIN_S:
             return []

@@ -1,31 +1,73 @@
-"""What an operator orders on a screen: taken from any thread, turned into commands by the station, followed to its end.
+"""What an operator orders: taken from any thread, handed out by the station, followed to its end.
 
-A core without I/O. Pause and resume go to the onboard processes. Landing goes to the onboard process, which flies home
-first; straight to the autopilot, which lands where it is, when that process is silent.
+A core without I/O. Start, pause, resume and finish go to the onboard processes. Hold, land, return and the emergency
+stop go straight to the autopilots: through MAVSDK, or directly over MAVLink when MAVSDK cannot; the emergency stop goes
+both ways at once, and the first acknowledgement counts.
 """
 
 from __future__ import annotations
 
 import queue
 from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from gcs.commands import AUTOPILOT, ONBOARD, land_command, pause_command
-from gcs.team import TeamState
+from gcs.commands import (
+    AUTOPILOT,
+    ONBOARD,
+    hold_command,
+    kill_command,
+    land_command,
+    pause_command,
+    return_command,
+    start_command,
+)
+from gcs.fleet import FleetAction, FleetOutcome, Verdict
+from gcs.team import Event
+from gcs.vehicle import VehicleState
+from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import Command, CommandOutcome, result_name
 
-__all__ = ["Action", "CommandRecord", "OperatorDesk", "Order", "Outcome"]
+__all__ = ["Action", "CommandRecord", "OperatorDesk", "Order", "Outcome", "Way", "command_for", "refusal_reason"]
 
-_RECORDS = 60
+_RECORDS = 240
+_REASON_WINDOW_S = 1.5
+"""A vehicle says in a text why it refused; it arrives this long after the refusal at most."""
 
 
 class Action(Enum):
     """What can be ordered."""
 
+    START = "Start"
     PAUSE = "Pause"
     RESUME = "Resume"
+    FINISH = "Finish"
+    HOLD = "Hold"
     LAND = "Land"
+    RETURN = "Return"
+    STOP = "Emergency stop"
+
+    @property
+    def fleet_action(self) -> FleetAction | None:
+        """What the autopilot is told; None for what the onboard process is told."""
+        return _FLEET_ACTIONS.get(self)
+
+    @property
+    def ends_flight(self) -> bool:
+        """Whether a vehicle is meant to be on the ground afterwards, and must not be started again by itself."""
+        return self in (Action.FINISH, Action.LAND, Action.RETURN, Action.STOP)
+
+
+_OPPOSITES = (Action.PAUSE, Action.RESUME)
+"""One MAVLink command: of the two, one is under way to a vehicle."""
+
+_FLEET_ACTIONS = {
+    Action.HOLD: FleetAction.HOLD,
+    Action.LAND: FleetAction.LAND,
+    Action.RETURN: FleetAction.RETURN,
+    Action.STOP: FleetAction.STOP,
+}
 
 
 class Outcome(Enum):
@@ -35,6 +77,14 @@ class Outcome(Enum):
     ACKNOWLEDGED = "acknowledged"
     REFUSED = "refused"
     TIMED_OUT = "timed out"
+
+
+class Way(Enum):
+    """How a command reaches its addressee."""
+
+    ONBOARD = "onboard process"
+    MAVSDK = "autopilot, MAVSDK"
+    DIRECT = "autopilot, directly"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,24 +109,52 @@ class CommandRecord:
         ended_s: UNIX time at which it ended, s; None while it is under way.
         action: What was ordered.
         vehicle: System id.
-        component: Who was told: the onboard process (191) or the autopilot (1).
-        command: MAV_CMD.
+        ways: How it went; more than one for an emergency stop, or after MAVSDK failed.
         outcome: Where it is.
         result: The answer in words; empty while there is none.
+        waiting: Ways that have not answered yet.
     """
 
     time_s: float
     ended_s: float | None
     action: Action
     vehicle: int
-    component: int
-    command: int
+    ways: tuple[Way, ...]
     outcome: Outcome
     result: str
+    waiting: frozenset[Way]
+
+    @property
+    def to(self) -> str:
+        """Who was told, in words."""
+        if self.ways == (Way.MAVSDK, Way.DIRECT):
+            return "autopilot, MAVSDK and directly"
+        return self.ways[-1].value
+
+
+def command_for(action: Action, vehicle: VehicleState, start_s: float) -> Command:
+    """The MAVLink command that an order is for one vehicle.
+
+    Args:
+        action: What is ordered.
+        vehicle: Whom.
+        start_s: UNIX time of step 0 for those that are started, s.
+    """
+    commands: dict[Action, Callable[[], Command]] = {
+        Action.START: lambda: start_command(vehicle.id, start_s),
+        Action.PAUSE: lambda: pause_command(vehicle.id, resume=False),
+        Action.RESUME: lambda: pause_command(vehicle.id, resume=True),
+        Action.FINISH: lambda: land_command(vehicle.id, ONBOARD),
+        Action.HOLD: lambda: hold_command(vehicle.id, vehicle.autopilot or mavlink.MAV_AUTOPILOT_PX4),
+        Action.LAND: lambda: land_command(vehicle.id, AUTOPILOT),
+        Action.RETURN: lambda: return_command(vehicle.id),
+        Action.STOP: lambda: kill_command(vehicle.id),
+    }
+    return commands[action]()
 
 
 class OperatorDesk:
-    """Orders in, commands out, records of how they ended.
+    """Orders in, records of how they ended.
 
     :meth:`submit` may be called from any thread, everything else from the station's alone.
     """
@@ -102,48 +180,105 @@ class OperatorDesk:
             orders.append(Order(order.action, tuple(dict.fromkeys(order.vehicles))))
         return orders
 
-    def commands(self, order: Order, team: TeamState) -> list[Command]:
-        """An order as commands for the vehicles that this team has; each gets a record."""
-        commands = []
-        for vehicle in team.vehicles:
-            if vehicle.id not in order.vehicles:
-                continue
-            if order.action is Action.LAND:
-                command = land_command(vehicle.id, ONBOARD if vehicle.onboard_alive else AUTOPILOT)
-            else:
-                command = pause_command(vehicle.id, resume=order.action is Action.RESUME)
-            self._supersede(command, team.time_s)
-            self._records.append(
-                CommandRecord(
-                    time_s=team.time_s,
-                    ended_s=None,
-                    action=order.action,
-                    vehicle=vehicle.id,
-                    component=command.target_component,
-                    command=command.command,
-                    outcome=Outcome.SENT,
-                    result="",
-                )
+    def opened(self, action: Action, vehicle: int, ways: Iterable[Way], now_s: float) -> None:
+        """A command is under way; one of the same kind to the same vehicle gives up its place."""
+        for rival in _OPPOSITES if action in _OPPOSITES else (action,):
+            self._change(rival, vehicle, lambda old: _closed(old, Outcome.TIMED_OUT, "ordered again", now_s))
+        ways = tuple(ways)
+        self._records.append(
+            CommandRecord(
+                time_s=now_s,
+                ended_s=None,
+                action=action,
+                vehicle=vehicle,
+                ways=ways,
+                outcome=Outcome.SENT,
+                result="",
+                waiting=frozenset(ways),
             )
-            commands.append(command)
-        return commands
+        )
+
+    def rerouted(self, action: Action, vehicle: int, way: Way) -> bool:
+        """MAVSDK could not send it, and another way is taken; False if the order is over, or goes that way already."""
+        taken = False
+
+        def take(old: CommandRecord) -> CommandRecord:
+            nonlocal taken
+            waiting = old.waiting - {Way.MAVSDK}
+            if way in old.ways:
+                return replace(old, waiting=waiting)
+            taken = True
+            return replace(old, ways=(way,), waiting=waiting | {way})
+
+        self._change(action, vehicle, take)
+        return taken
 
     def ended(self, outcome: CommandOutcome, now_s: float) -> None:
-        """A command of the station has ended, ordered here or not."""
-        if outcome.accepted:
-            self._close(outcome.command, outcome.target, Outcome.ACKNOWLEDGED, "accepted", now_s)
-        elif outcome.result is None:
-            self._close(outcome.command, outcome.target, Outcome.TIMED_OUT, "no answer", now_s)
-        else:
-            self._close(outcome.command, outcome.target, Outcome.REFUSED, result_name(outcome.result), now_s)
+        """A MAVLink command of the station has ended, ordered here or not."""
+        verdict = Outcome.ACKNOWLEDGED if outcome.accepted else Outcome.REFUSED
+        if outcome.result is None:
+            verdict = Outcome.TIMED_OUT
+        way = Way.ONBOARD if outcome.target[1] == ONBOARD else Way.DIRECT
+        for action in _ACTIONS_OF.get((way, outcome.command), ()):
+            self._answer(action, outcome.target[0], way, verdict, result_name(outcome.result), now_s)
 
-    def _supersede(self, command: Command, now_s: float) -> None:
-        """One command of a kind is under way to a target: a newer one takes the place of the older."""
-        target = (command.target_system, command.target_component)
-        self._close(command.command, target, Outcome.TIMED_OUT, "ordered again", now_s)
+    def fleet_ended(self, outcome: FleetOutcome, now_s: float) -> None:
+        """MAVSDK tells how an order ended; what it could not send at all is :meth:`rerouted` instead."""
+        verdict = {Verdict.ACCEPTED: Outcome.ACKNOWLEDGED, Verdict.TIMED_OUT: Outcome.TIMED_OUT}.get(
+            outcome.verdict, Outcome.REFUSED
+        )
+        action = next(known for known, fleet in _FLEET_ACTIONS.items() if fleet is outcome.action)
+        self._answer(action, outcome.vehicle, Way.MAVSDK, verdict, outcome.reason or "accepted", now_s)
 
-    def _close(self, command: int, target: tuple[int, int], outcome: Outcome, result: str, now_s: float) -> None:
+    def _answer(self, action: Action, vehicle: int, way: Way, verdict: Outcome, result: str, now_s: float) -> None:
+        """One way has answered: an acknowledgement ends the record, a failure does when no other way is open."""
+
+        def take(old: CommandRecord) -> CommandRecord:
+            if way not in old.waiting:
+                return old
+            waiting = old.waiting - {way}
+            if verdict is Outcome.ACKNOWLEDGED or not waiting:
+                return _closed(replace(old, waiting=waiting), verdict, result, now_s)
+            return replace(old, waiting=waiting)
+
+        self._change(action, vehicle, take)
+
+    def _change(self, action: Action, vehicle: int, change: Callable[[CommandRecord], CommandRecord]) -> None:
+        """Replace the record of this action and vehicle that is under way."""
         for i, record in enumerate(self._records):
-            same = (record.command, record.vehicle, record.component) == (command, *target)
-            if same and record.outcome is Outcome.SENT:
-                self._records[i] = replace(record, ended_s=now_s, outcome=outcome, result=result)
+            if (record.action, record.vehicle, record.outcome) == (action, vehicle, Outcome.SENT):
+                self._records[i] = change(record)
+
+
+def refusal_reason(record: CommandRecord, events: Iterable[Event]) -> str | None:
+    """The text in which a vehicle says why it refused; None if it did not.
+
+    Args:
+        record: Of an order that was refused.
+        events: Newest first.
+    """
+    if record.ended_s is None or record.outcome is not Outcome.REFUSED:
+        return None
+    for event in events:
+        about = event.source == f"vehicle {record.vehicle}" and event.severity <= mavlink.MAV_SEVERITY_WARNING
+        # The acknowledgement itself is noted as an event, too; the vehicle's own words come a moment before or later.
+        own_words = not event.text.startswith(("onboard process ", "autopilot refused", "autopilot did not"))
+        if about and own_words and -0.3 <= event.time_s - record.ended_s <= _REASON_WINDOW_S:
+            return event.text
+    return None
+
+
+def _closed(record: CommandRecord, outcome: Outcome, result: str, now_s: float) -> CommandRecord:
+    return replace(record, ended_s=now_s, outcome=outcome, result=result)
+
+
+_ACTIONS_OF: dict[tuple[Way, int], tuple[Action, ...]] = {
+    (Way.ONBOARD, mavlink.MAV_CMD_ARVI_START): (Action.START,),
+    (Way.ONBOARD, mavlink.MAV_CMD_DO_PAUSE_CONTINUE): (Action.PAUSE, Action.RESUME),
+    (Way.ONBOARD, mavlink.MAV_CMD_NAV_LAND): (Action.FINISH,),
+    (Way.DIRECT, mavlink.MAV_CMD_DO_SET_MODE): (Action.HOLD,),
+    (Way.DIRECT, mavlink.MAV_CMD_NAV_LAND): (Action.LAND,),
+    (Way.DIRECT, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH): (Action.RETURN,),
+    (Way.DIRECT, mavlink.MAV_CMD_COMPONENT_ARM_DISARM): (Action.STOP,),
+}
+"""Which orders a MAVLink command may be; the one that is under way is meant."""

@@ -1,4 +1,4 @@
-"""The ground station's asyncio shell: owns the UDP port, routes, heartbeats, and the ticks of the cores."""
+"""The ground station's asyncio shell: sockets, heartbeats, orders on their ways, and the ticks of the cores."""
 
 from __future__ import annotations
 
@@ -8,36 +8,38 @@ import time
 from collections.abc import Callable
 
 from gcs.commands import AUTOPILOT, ONBOARD, describe
+from gcs.fleet import FleetOutcome, FleetProcess, Verdict
 from gcs.mission import UNHURRIED, MissionDirector
-from gcs.operator_desk import Action, OperatorDesk, Order
+from gcs.operator_desk import Action, OperatorDesk, Order, Way, command_for
 from gcs.recording.recorder import Recorder
-from gcs.team import TeamMonitor
+from gcs.router import TEAM, Port
+from gcs.switchboard import Switchboard
+from gcs.team import TeamMonitor, TeamState
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
-from onboard.protocol.codec import Codec, message_id, split_frames
+from onboard.protocol.addressing import SystemComponent
+from onboard.protocol.codec import Codec, message_id
 from onboard.protocol.commands import CommandClient, CommandOutcome
-from onboard.protocol.transport import Address, DatagramLink, open_datagram_link
 
-__all__ = ["GroundStation"]
+__all__ = ["COMPONENT_ID", "GroundStation"]
 
 COMPONENT_ID = mavlink.MAV_COMP_ID_MISSIONPLANNER
 """190, the component that ground stations use."""
 
 _TICK_S = 0.1
 _HEARTBEAT_S = 1.0
-_ROUTE_TIMEOUT_S = 3.0
-"""Silence after which a component is reached where else it is heard, s."""
 _MAX_STRANGERS = 32
-"""Remotes outside the scenario that are answered; more are ignored."""
+"""Components outside the scenario that are listened to on the team's link; more are ignored."""
 
 
 class GroundStation:
-    """Listens to a team on one UDP port and commands it.
+    """Listens to a team on one UDP port and commands it; other ground stations and programs join in.
 
     Attributes:
         team: What the team's messages say.
         director: Decides what is commanded; None only watches.
         desk: Where an operator's orders arrive, from any thread.
+        switchboard: Its links.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class GroundStation:
         director: MissionDirector | None = None,
         recorder: Recorder | None = None,
         desk: OperatorDesk | None = None,
+        component_id: int = COMPONENT_ID,
         clock: Callable[[], float] = time.time,
     ) -> None:
         """Prepare a station; :meth:`open` makes it listen.
@@ -56,6 +59,7 @@ class GroundStation:
             director: Decides what is commanded; None only watches.
             recorder: Takes every frame.
             desk: Where orders arrive; a new one unless given.
+            component_id: Of this station; programs that join another one have one of their own.
             clock: UNIX time, s.
         """
         self.team = TeamMonitor(scenario)
@@ -64,12 +68,16 @@ class GroundStation:
         self._scenario = scenario
         self._recorder = recorder
         self._clock = clock
-        self._codec = Codec(scenario.ground.system_id, COMPONENT_ID)
+        self._identity = (scenario.ground.system_id, component_id)
+        # Programs that join in have ids of 25 and up, two each: one for themselves, one for their MAVSDK.
+        mavsdk_component = mavlink.MAV_COMP_ID_USER1 if component_id == COMPONENT_ID else component_id + 1
+        self._mavsdk_identity = (scenario.ground.system_id, mavsdk_component)
+        self._codec = Codec(*self._identity)
         self._commands = CommandClient()
-        self._link: DatagramLink | None = None
-        self._routes: dict[tuple[int, int], Address] = {}
-        self._route_s: dict[tuple[int, int], float] = {}
-        self._names: dict[tuple[int, int], str] = {}
+        self.switchboard = Switchboard(scenario.ground, self._frame, clock, self._mavsdk_identity)
+        self.switchboard.admit(self._admits)
+        self._fleet: FleetProcess | None = None
+        self._names: dict[SystemComponent, str] = {}
         for vehicle in scenario.vehicles:
             self._names[vehicle.id, AUTOPILOT] = f"vehicle{vehicle.id}_autopilot"
             self._names[vehicle.id, ONBOARD] = f"vehicle{vehicle.id}_onboard"
@@ -77,19 +85,28 @@ class GroundStation:
             self._names[scenario.simulation.system_id, AUTOPILOT] = "bridge"
         self._next_heartbeat_s = 0.0
 
-    async def open(self) -> None:
-        """Listen on the scenario's ground port.
+    async def open(self, team_url: str | None = None, *, mavsdk: bool = True) -> None:
+        """Listen on the scenario's ground port, or join the station that has it.
+
+        Args:
+            team_url: The shared port of a station to join.
+            mavsdk: Whether to command autopilots through MAVSDK; otherwise directly.
 
         Raises:
             TransportError: The port is in use.
         """
-        self._link = await open_datagram_link(self._scenario.ground.url, receive_from=self.receive)
+        for problem in await self.switchboard.open(team_url):
+            self.team.note(self._clock(), mavlink.MAV_SEVERITY_WARNING, "ground", problem)
+        if mavsdk:
+            self._fleet = FleetProcess(self.switchboard.share_port, self._mavsdk_identity, self._tell_fleet)
+            self._fleet.start()
 
     def close(self) -> None:
         """Stop listening."""
-        if self._link is not None:
-            self._link.close()
-            self._link = None
+        if self._fleet is not None:
+            self._fleet.stop()
+            self._fleet = None
+        self.switchboard.close()
 
     async def run(self) -> None:
         """Tick until cancelled."""
@@ -97,26 +114,9 @@ class GroundStation:
             self.tick()
             await asyncio.sleep(_TICK_S)
 
-    def receive(self, datagram: bytes, address: Address) -> None:
-        """Take one datagram: every frame is recorded, only what the team's state needs is decoded."""
-        now_s = self._clock()
-        for frame in split_frames(datagram):
-            if frame is None:
-                self._codec.rejected += 1
-                continue
-            source = _source(frame)
-            if source not in self._routes and not self._admits(source):
-                continue
-            self._learn_route(source, address, now_s)
-            self._record(source, now_s, frame)
-            kind = message_id(frame)
-            if kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK and not self.team.wants(kind, source[0], now_s):
-                continue
-            for message in self._codec.decode(frame):
-                if isinstance(message, mavlink.MAVLink_command_ack_message):
-                    self._acknowledged(message, now_s)
-                else:
-                    self.team.receive(message, now_s)
+    def mavsdk_reaches(self, vehicle_id: int) -> bool:
+        """Whether MAVSDK is connected to a vehicle's autopilot."""
+        return self._fleet is not None and self._fleet.reaches(vehicle_id)
 
     def tick(self) -> None:
         """Let time pass: heartbeats, commands and their repetition, the cores' own clocks."""
@@ -127,6 +127,9 @@ class GroundStation:
                 self._commands.request(command, now_s)
         for order in self.desk.take():
             self._obey(order, now_s)
+        if self._fleet is not None:
+            for fleet_outcome in self._fleet.poll():
+                self._fleet_ended(fleet_outcome, now_s)
         due, unanswered = self._commands.poll(now_s)
         for command in due:
             self._send((command.target_system, command.target_component), command, now_s)
@@ -134,48 +137,104 @@ class GroundStation:
             self._note(outcome, now_s)
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + _HEARTBEAT_S
+            self.switchboard.router.forget_silent(now_s)
             self._heartbeat(now_s)
             if self._recorder is not None:
                 self._recorder.flush()
                 for warning in self._recorder.take_warnings():
                     self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "recorder", warning)
 
+    def _frame(self, frame: bytes, source: SystemComponent, port: Port) -> None:
+        """Every frame is recorded, only what the team's state needs is decoded."""
+        now_s = self._clock()
+        self._record(source, now_s, frame)
+        if port.link != TEAM:
+            return
+        kind = message_id(frame)
+        if port == self.switchboard.router.port_of(source):
+            self.team.sequence(frame, source, now_s)
+        if kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK and not self.team.wants(kind, source[0], now_s):
+            return
+        for message in self._codec.decode(frame):
+            if isinstance(message, mavlink.MAVLink_command_ack_message):
+                self._acknowledged(message, now_s)
+            else:
+                self.team.receive(message, now_s)
+
     def _obey(self, order: Order, now_s: float) -> None:
         """Command what an operator orders; a director that flies the team is told what it must not undo."""
         team = self.team.state(now_s)
-        commands = self.desk.commands(order, team)
-        ids = [command.target_system for command in commands]
+        vehicles = [vehicle for vehicle in team.vehicles if vehicle.id in order.vehicles]
+        ids = [vehicle.id for vehicle in vehicles]
         text = f"{order.action.value.lower()} vehicle{'s' * (len(ids) != 1)} {', '.join(map(str, ids)) or 'none'}"
         self.team.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "operator", text)
-        if self.director is not None and order.action is Action.LAND:
+        if self.director is not None and order.action.ends_flight:
             if len(ids) == len(team.vehicles):
                 self.director.land(now_s, UNHURRIED)
             for vehicle_id in ids:
                 self.director.landed_by_operator(vehicle_id)
-        for command in commands:
-            self._commands.request(command, now_s)
+        start_s = self._start_s(team)
+        for vehicle in vehicles:
+            command = command_for(order.action, vehicle, start_s)
+            ways = self._ways(order.action, vehicle.id)
+            self.desk.opened(order.action, vehicle.id, ways, now_s)
+            if ways != (Way.MAVSDK,):
+                self._commands.request(command, now_s)
 
-    def _learn_route(self, source: tuple[int, int], address: Address, now_s: float) -> None:
-        """Remember where a component is reached: a copy that an autopilot forwards does not replace the direct way."""
-        same = self._routes.get(source) == address
-        if same or now_s - self._route_s.get(source, -math.inf) > _ROUTE_TIMEOUT_S:
-            self._routes[source] = address
-            self._route_s[source] = now_s
+    def _ways(self, action: Action, vehicle_id: int) -> tuple[Way, ...]:
+        """Where an order goes; what MAVSDK takes it has then."""
+        fleet_action = action.fleet_action
+        if fleet_action is None:
+            return (Way.ONBOARD,)
+        if self._fleet is None or not self._fleet.order(fleet_action, vehicle_id):
+            return (Way.DIRECT,)
+        return (Way.MAVSDK, Way.DIRECT) if action is Action.STOP else (Way.MAVSDK,)
 
-    def _admits(self, source: tuple[int, int]) -> bool:
+    def _fleet_ended(self, outcome: FleetOutcome, now_s: float) -> None:
+        """MAVSDK has ended an order; what it could not send goes directly."""
+        source = f"vehicle {outcome.vehicle}"
+        action = next(known for known in Action if known.fleet_action is outcome.action)
+        if outcome.verdict is Verdict.UNAVAILABLE:
+            if self.desk.rerouted(action, outcome.vehicle, Way.DIRECT):
+                team = self.team.state(now_s)
+                self._commands.request(command_for(action, team.vehicle(outcome.vehicle), 0.0), now_s)
+                text = f"{outcome.reason}: {action.value.lower()} goes to the autopilot directly"
+                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, source, text)
+            return
+        self.desk.fleet_ended(outcome, now_s)
+        verbs = {Verdict.ACCEPTED: "took", Verdict.REFUSED: "refused", Verdict.TIMED_OUT: "did not answer"}
+        text = f"autopilot {verbs[outcome.verdict]} {action.value.lower()} (MAVSDK)"
+        if outcome.verdict is Verdict.REFUSED:
+            text += f": {outcome.reason}"
+        accepted = outcome.verdict is Verdict.ACCEPTED
+        self.team.note(now_s, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING, source, text)
+
+    def _tell_fleet(self, text: str) -> None:
+        self.team.note(self._clock(), mavlink.MAV_SEVERITY_WARNING, "ground", text)
+
+    def _start_s(self, team: TeamState) -> float:
+        """UNIX time of step 0 for those who are started now: the team's, if that is still to come."""
+        mission = self._scenario.mission
+        earliest_s = team.time_s + mission.takeoff_time_s
+        if team.mission_start_s is not None and team.mission_start_s >= earliest_s:
+            return team.mission_start_s
+        return mission.step_s * math.ceil(earliest_s / mission.step_s - 1e-6)
+
+    def _admits(self, source: SystemComponent) -> bool:
         """Whether a component heard for the first time is listened to."""
-        return source in self._names or len(self._routes.keys() - self._names.keys()) < _MAX_STRANGERS
+        return source in self._names or len(self.switchboard.heard() - self._names.keys()) < _MAX_STRANGERS
 
     def _heartbeat(self, now_s: float) -> None:
         message = mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
         )
-        for remote in self._routes:
+        self.switchboard.reach_out(self._codec.encode(message))
+        for remote in self.switchboard.heard():
             self._send(remote, message, now_s)
 
     def _acknowledged(self, ack: mavlink.MAVLink_command_ack_message, now_s: float) -> None:
         # 0 is "not filled in" by senders of the message's first version; anything else that is not us is not for us.
-        if ack.target_system not in (0, self._scenario.ground.system_id):
+        if ack.target_system not in (0, self._identity[0]) or ack.target_component not in (0, self._identity[1]):
             return
         outcome = self._commands.receive(ack, now_s)
         if outcome is not None:
@@ -186,20 +245,12 @@ class GroundStation:
         severity = mavlink.MAV_SEVERITY_INFO if outcome.accepted else mavlink.MAV_SEVERITY_WARNING
         self.team.note(now_s, severity, f"vehicle {outcome.target[0]}", describe(outcome))
 
-    def _send(self, remote: tuple[int, int], message: mavlink.MAVLink_message, now_s: float) -> None:
-        """Send to a component at the address that it was heard from; who was never heard cannot be reached."""
-        address = self._routes.get(remote)
-        if address is None or self._link is None:
-            return
+    def _send(self, remote: SystemComponent, message: mavlink.MAVLink_message, now_s: float) -> None:
+        """Send to a component; who was never heard cannot be reached."""
         frame = self._codec.encode(message)
-        self._record(remote, now_s, frame)
-        self._link.send_to(frame, address)
+        if self.switchboard.send(frame, remote):
+            self._record(remote, now_s, frame)
 
-    def _record(self, source: tuple[int, int], now_s: float, frame: bytes) -> None:
+    def _record(self, source: SystemComponent, now_s: float, frame: bytes) -> None:
         if self._recorder is not None:
             self._recorder.write(self._names.get(source, "others"), round(now_s * 1e6), frame)
-
-
-def _source(frame: bytes) -> tuple[int, int]:
-    """System and component id of the sender, from the header of either version."""
-    return (frame[5], frame[6]) if frame[0] == mavlink.PROTOCOL_MARKER_V2 else (frame[3], frame[4])

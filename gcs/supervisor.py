@@ -11,12 +11,11 @@ import asyncio
 import contextlib
 import os
 import signal
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs import leash
+from gcs.leash import leashed
 from gcs.output import printable
 
 __all__ = ["ChildExit", "Supervisor", "tail"]
@@ -83,7 +82,7 @@ class Supervisor:
         inherited = {**_THREAD_LIMITS, **os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})}
         with log.open("ab") as output:
             child = await asyncio.create_subprocess_exec(
-                *_leashed(program),
+                *leashed(program),
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=output,
                 stderr=asyncio.subprocess.STDOUT,
@@ -155,10 +154,6 @@ def tail(log: Path, lines: int = 12) -> tuple[str, ...]:
     except OSError:
         return ()
     return tuple(printable(line.rstrip()) for line in text.splitlines() if line.strip())[-lines:]
-
-
-def _leashed(program: list[str]) -> list[str]:
-    return [sys.executable, "-I", "-S", str(Path(leash.__file__)), str(os.getpid()), *program]
 
 
 def _cpu_time_s(pid: int) -> float | None:

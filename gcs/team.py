@@ -13,6 +13,7 @@ from onboard.clock import MissionClock
 from onboard.config import Scenario
 from onboard.mapping.errors import MappingError
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.addressing import SystemComponent
 from onboard.protocol.status_text import StatusTextAssembler
 from onboard.protocol.team_messages import MessageError, primitives_checksum, read_belief, read_plan, read_tile
 
@@ -124,6 +125,13 @@ class TeamMonitor:
             return False
         self._read_s[key] = now_s
         return True
+
+    def sequence(self, frame: bytes, source: SystemComponent, now_s: float) -> None:
+        """Note a frame's sequence number, of any message, for the link's quality."""
+        vehicle = self._vehicles.get(source[0])
+        if vehicle is not None and source[1] in (AUTOPILOT, ONBOARD):
+            number = frame[4] if frame[0] == mavlink.PROTOCOL_MARKER_V2 else frame[2]
+            vehicle.sequence(source[1], number, now_s)
 
     def receive(self, message: mavlink.MAVLink_message, now_s: float) -> None:
         """Take one message; what comes from nobody of this scenario is ignored.

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from onboard.messages import FlightState, PeerPlan
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.ardupilot_modes import CopterMode
+from onboard.protocol.link_quality import LinkQuality, SequenceMonitor
 from onboard.protocol.px4_modes import Px4Mode
 
 __all__ = ["HEARTBEAT_TIMEOUT_S", "VehicleFigures", "VehicleMonitor", "VehicleState"]
@@ -32,7 +34,7 @@ class VehicleState:
     Attributes:
         id: System id.
         flight_state: What its onboard process is doing.
-        mode: Its autopilot's mode: PX4's name, or the number of another autopilot.
+        mode: Its autopilot's mode: the name that PX4 or ArduPilot has for it, or the number of another autopilot.
         armed: Whether its motors are armed.
         battery: Charge left, from 0 to 1.
         north_m: Position in the mission frame, m.
@@ -57,6 +59,9 @@ class VehicleState:
         speed_m_s: Over ground, m/s.
         position_age_s: Since its position was heard, s.
         plan: The last plan that it published; its step counts from 1970.
+        autopilot: MAV_AUTOPILOT.
+        link: Frames of both its components in the last ten seconds; None if there were none.
+        delay_s: From its last status to its reception, by the clocks of both sides, s.
     """
 
     id: int
@@ -86,6 +91,9 @@ class VehicleState:
     speed_m_s: float | None = None
     position_age_s: float | None = None
     plan: PeerPlan | None = None
+    autopilot: int | None = None
+    link: LinkQuality | None = None
+    delay_s: float | None = None
 
     @property
     def onboard_alive(self) -> bool:
@@ -166,6 +174,15 @@ class VehicleMonitor:
         self._tracking_error_count = 0
         self._planning_times_s: list[float] = []
         self._budgets_s: list[float] = []
+        self._sequences: dict[int, SequenceMonitor] = {}
+        self._delay_s: float | None = None
+
+    def sequence(self, component: int, number: int, now_s: float) -> None:
+        """The sequence number of any frame of one of its components."""
+        monitor = self._sequences.get(component)
+        if monitor is None:
+            monitor = self._sequences[component] = SequenceMonitor()
+        monitor.receive(number, now_s)
 
     def autopilot_heartbeat(self, message: mavlink.MAVLink_heartbeat_message, now_s: float) -> None:
         """HEARTBEAT of component 1."""
@@ -185,6 +202,7 @@ class VehicleMonitor:
         """PLANNER_STATUS, once a step."""
         self._status = message
         self._status_s = now_s
+        self._delay_s = now_s - message.time_usec * 1e-6
         self._recent.append(message)
         while message.time_usec - self._recent[0].time_usec > _RATE_WINDOW_S * 1e6:
             self._recent.popleft()
@@ -240,9 +258,12 @@ class VehicleMonitor:
         """The autopilot's mode; None if it was never heard."""
         if self._heartbeat is None:
             return None
-        if self._heartbeat.autopilot != mavlink.MAV_AUTOPILOT_PX4:
-            return str(self._heartbeat.custom_mode)
-        return Px4Mode.name_of(self._heartbeat.custom_mode)
+        custom_mode = self._heartbeat.custom_mode
+        if self._heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4:
+            return Px4Mode.name_of(custom_mode)
+        if self._heartbeat.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            return CopterMode.name_of(custom_mode)
+        return str(custom_mode)
 
     @property
     def flight_state(self) -> FlightState | None:
@@ -288,6 +309,9 @@ class VehicleMonitor:
             speed_m_s=_finite(math.hypot(local.vx, local.vy)) if local is not None else None,
             position_age_s=position_age_s,
             plan=plan,
+            autopilot=self._heartbeat.autopilot if self._heartbeat is not None else None,
+            link=self._link(now_s),
+            delay_s=self._delay_s,
         )
 
     def figures(self) -> VehicleFigures:
@@ -315,6 +339,16 @@ class VehicleMonitor:
             min_separation_m=separation,
             landed=self._landed(),
             disarmed=None if self.armed is None else not self.armed,
+        )
+
+    def _link(self, now_s: float) -> LinkQuality | None:
+        parts = [monitor.quality(now_s) for monitor in self._sequences.values()]
+        if not any(part.received for part in parts):
+            return None
+        return LinkQuality(
+            received=sum(part.received for part in parts),
+            lost=sum(part.lost for part in parts),
+            duplicated=sum(part.duplicated for part in parts),
         )
 
     def _height_m(self, now_s: float) -> float | None:

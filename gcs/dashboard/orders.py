@@ -16,11 +16,31 @@ __all__ = ["OrderBar", "question"]
 _PATIENCE_S = 15.0
 """A question that nobody answers goes away."""
 
+_ARMED_S = 5.0
+"""The emergency stop does so sooner: who means it confirms at once."""
+
 _EVERYBODY = "all"
+_ONBOARD = (Action.START, Action.PAUSE, Action.RESUME, Action.FINISH)
+_AUTOPILOT = (Action.HOLD, Action.LAND, Action.RETURN)
+_KINDS = {
+    Action.START: "success",
+    Action.PAUSE: "primary",
+    Action.RESUME: "success",
+    Action.FINISH: "primary",
+    Action.HOLD: "warning",
+    Action.LAND: "warning",
+    Action.RETURN: "warning",
+    Action.STOP: "danger",
+}
 _MEANING = {
-    Action.PAUSE: "hold their place",
-    Action.RESUME: "fly their plans again",
-    Action.LAND: "end the mission: fly home and land; those without onboard process land where they are",
+    Action.START: "arm, take off and fly the mission",
+    Action.PAUSE: "hold the place until resumed",
+    Action.RESUME: "fly plans again",
+    Action.FINISH: "end the mission: fly home, then land",
+    Action.HOLD: "the autopilot stops and holds its place; the onboard process lets go and cannot resume",
+    Action.LAND: "the autopilot lands where it is",
+    Action.RETURN: "the autopilot's own return: climbs as it is configured, flies home, lands",
+    Action.STOP: "MOTORS OFF at once: what flies falls",
 }
 
 
@@ -54,23 +74,40 @@ class OrderBar:
             width=120,
             stylesheets=[style],
         )
-        kinds = {Action.PAUSE: "primary", Action.RESUME: "success", Action.LAND: "danger"}
         self.buttons = {
-            action: Button(label=action.value, button_type=kind, width=78, stylesheets=[style], name=f"order-{kind}")
-            for action, kind in kinds.items()
-        }
+            action: Button(
+                label=action.value, button_type=kind, stylesheets=[style], name=f"order-{action.name.lower()}",
+                width=128 if action is Action.STOP else 66,
+            )
+            for action, kind in _KINDS.items()
+        }  # fmt: skip
         for action, button in self.buttons.items():
             button.on_click(lambda action=action: self._ask(action))
-        self.question = Div(text="", visible=False, stylesheets=[InlineStyleSheet(css=TEXT)])
-        self.yes = Button(label="Confirm", button_type="danger", width=90, visible=False, stylesheets=[style])
-        self.no = Button(label="Cancel", button_type="default", width=80, visible=False, stylesheets=[style])
+        text = InlineStyleSheet(css=TEXT)
+        self.question = Div(text="", visible=False, stylesheets=[text], width_policy="max", width=200)
+        self.yes = Button(label="Confirm", button_type="danger", width=120, visible=False, stylesheets=[style])
+        self.no = Button(label="Cancel", button_type="default", width=66, visible=False, stylesheets=[style])
         self.yes.on_click(self._confirm)
         self.no.on_click(self._clear)
         self.choice.on_change("value", lambda attr, old, new: self._clear())
+
+        def caption(words: str) -> Div:
+            return Div(text=f"<span class='caption'>{words}</span>", stylesheets=[text])
+
         self.row = Row(
             name="orders",
             sizing_mode="stretch_width",
-            children=[self.choice, *self.buttons.values(), self.question, self.yes, self.no],
+            children=[
+                self.choice,
+                caption("onboard"),
+                *(self.buttons[action] for action in _ONBOARD),
+                caption("autopilot"),
+                *(self.buttons[action] for action in _AUTOPILOT),
+                self.buttons[Action.STOP],
+                self.yes,
+                self.no,
+                self.question,
+            ],
         )
 
     def refresh(self) -> None:
@@ -79,20 +116,21 @@ class OrderBar:
         for button in self.buttons.values():
             if button.disabled is reachable:
                 button.disabled = not reachable
-        if self._pending is not None and self._clock() > self._pending[1] + _PATIENCE_S:
+        if self._pending is not None and self._clock() > self._pending[1]:
             self._clear()
 
     def _ask(self, action: Action) -> None:
         vehicles = self._ids if self.choice.value == _EVERYBODY else (int(str(self.choice.value)),)
         order = Order(action, vehicles)
-        self._pending = (order, self._clock())
-        self.question.text = f"<b class='ask'>{question(order, len(self._ids))}</b>"
-        self.yes.label = f"Confirm {action.value.lower()}"
+        stop = action is Action.STOP
+        self._pending = (order, self._clock() + (_ARMED_S if stop else _PATIENCE_S))
+        self.question.text = f"<b class='{'stop' if stop else 'ask'}'>{question(order, len(self._ids))}</b>"
+        self.yes.label = "MOTORS OFF" if stop else f"Confirm {action.value.lower()}"
         for widget in (self.question, self.yes, self.no):
             widget.visible = True
 
     def _confirm(self) -> None:
-        if self._pending is not None:
+        if self._pending is not None and self._clock() <= self._pending[1]:
             self._board.feed.order(self._pending[0])
         self._clear()
 

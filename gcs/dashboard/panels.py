@@ -11,16 +11,15 @@ import time
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from gcs.commands import AUTOPILOT
 from gcs.dashboard.board import Moment
 from gcs.dashboard.palette import vehicle_colour
 from gcs.dashboard.view import MapBounds
 from gcs.dashboard.wording import SILENT_S, flight_state_text, number, onboard_is_silent, vehicle_is_silent
-from gcs.operator_desk import CommandRecord, Outcome
+from gcs.operator_desk import CommandRecord, Outcome, refusal_reason
 from gcs.team import Event, TeamState
 from gcs.vehicle import VehicleState
 
-__all__ = ["SEVERITIES", "command_lines", "event_lines", "headline", "refusal_reason", "vehicle_table"]
+__all__ = ["SEVERITIES", "command_lines", "event_lines", "headline", "vehicle_table"]
 
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 """By MAV_SEVERITY."""
@@ -28,8 +27,6 @@ SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "i
 _LOW_BATTERY = 0.2
 _NAMED_NEIGHBOURS = 5
 _WARNING = 4
-_REASON_WINDOW_S = 1.5
-"""A vehicle says in a text why it refused; it arrives this long after the refusal at most."""
 
 _HEADERS = (
     ("", "system id"),
@@ -97,7 +94,6 @@ def command_lines(records: Sequence[CommandRecord], events: Sequence[Event], lim
     """
     lines = []
     for record in list(reversed(records))[:limit]:
-        to = "autopilot" if record.component == AUTOPILOT else "onboard process"
         words = record.outcome.value
         if record.outcome is Outcome.SENT:
             words = "sent, waiting…"
@@ -107,23 +103,10 @@ def command_lines(records: Sequence[CommandRecord], events: Sequence[Event], lim
             words = f"timed out: {record.result}"
         lines.append(
             f"<p class='{record.outcome.name.lower()}'><time>{_clock(record.time_s)}</time> "
-            f"{record.action.value} vehicle {record.vehicle} <span class='dim'>({to})</span> "
+            f"{record.action.value} vehicle {record.vehicle} <span class='dim'>({record.to})</span> "
             f"<b>{escape(words)}</b></p>"
         )
     return "".join(lines)
-
-
-def refusal_reason(record: CommandRecord, events: Iterable[Event]) -> str | None:
-    """The text in which a vehicle says why it refused; None if it did not."""
-    if record.ended_s is None:
-        return None
-    for event in events:
-        about = event.source == f"vehicle {record.vehicle}" and event.severity <= _WARNING
-        # The acknowledgement itself is noted as an event, too; the vehicle's own words come a moment later.
-        own_words = "process refused" not in event.text and "autopilot refused" not in event.text
-        if about and own_words and -0.2 <= event.time_s - record.ended_s <= _REASON_WINDOW_S:
-            return event.text
-    return None
 
 
 def _row(index: int, vehicle: VehicleState, bounds: MapBounds) -> str:

@@ -18,7 +18,9 @@ b { font-size: 15px; }
 .alarm { font-weight: 700; color: var(--alarm); background: var(--alarm-fill); padding: 0 8px; border-radius: 4px; }
 .fact { font-variant-numeric: tabular-nums; font-weight: 600; }
 .fact i { font-weight: 400; }
-.ask { color: var(--alarm); font-size: 13px; line-height: 28px; }
+.ask { color: var(--alarm); font-size: 13px; }
+.stop { color: #fff; background: #b3261e; font-size: 13px; padding: 3px 8px; border-radius: 4px; }
+.caption { color: var(--dim); font-size: 12px; line-height: 27px; white-space: nowrap; padding-left: 8px; }
 """
 )
 
@@ -53,10 +55,11 @@ time { color: var(--dim); font-variant-numeric: tabular-nums; }
 
 BUTTONS = """
 :host { --font-size: 13px; font-family: system-ui, "Segoe UI", "Noto Sans", sans-serif; color: var(--ink); }
-.bk-btn { padding: 3px 10px; border-radius: 4px; font-weight: 600; }
+.bk-btn { padding: 3px 6px; border-radius: 4px; font-weight: 600; }
 .bk-btn-primary { background: #0072b2; border-color: #0072b2; color: #fff; }
 .bk-btn-success { background: #00775a; border-color: #00775a; color: #fff; }
-.bk-btn-danger { background: #b84f00; border-color: #b84f00; color: #fff; }
+.bk-btn-warning { background: #8a5f00; border-color: #8a5f00; color: #fff; }
+.bk-btn-danger { background: #b3261e; border-color: #b3261e; color: #fff; }
 .bk-btn-default { background: var(--input); border-color: var(--line); color: var(--ink); }
 .bk-btn[disabled] { opacity: 0.45; }
 .bk-input, select.bk-input, input.bk-input {

@@ -15,7 +15,7 @@ from onboard.config.base import NonNegative, Positive, Section, SystemId
 from onboard.config.external import External
 from onboard.config.guard import GuardConfig
 from onboard.config.mocap import RealMocapConfig
-from onboard.config.patterns import AutopilotUrl, FilePath, LinkUrl, ListenUrl, ScenarioName
+from onboard.config.patterns import AutopilotUrl, FilePath, ForwardUrl, LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple, overlap
 from onboard.config.simulation import OriginConfig, SimulationConfig
 from onboard.estimation.sensor import RangeBearingSensor
@@ -276,6 +276,17 @@ class GroundConfig(Section):
 
     url: ListenUrl = "udpin:127.0.0.1:14550"
     system_id: SystemId = 255
+    forward: Annotated[tuple[ForwardUrl, ...], Field(max_length=8)] = Field(
+        default=(), description="links to other ground stations, such as QGroundControl, which see and command the team"
+    )
+    share: ListenUrl | None = Field(
+        default=None, description="where programs on this machine join in; the port after that of url by default"
+    )
+
+    @property
+    def share_url(self) -> str:
+        """Where programs on this machine join in."""
+        return self.share or f"udpin:127.0.0.1:{int(self.url.rpartition(':')[2]) + 1}"
 
 
 class SigningConfig(Section):
@@ -353,6 +364,16 @@ class Scenario(Section):
     @model_validator(mode="after")
     def _nobody_listens_where_another_does(self) -> Self:
         taken = {self.ground.url: "ground.url"}
+        if self.ground.share is not None:
+            if self.ground.share in taken:
+                raise ValueError(f"ground.share: {self.ground.share} is also ground.url; every link has its own")
+            taken[self.ground.share] = "ground.share"
+        for i, url in enumerate(self.ground.forward):
+            if url in taken or url == self.ground.url.replace("udpin:", "udpout:"):
+                raise ValueError(
+                    f"ground.forward[{i}]: {url} is also {taken.get(url, 'ground.url')}: frames would circle"
+                )
+            taken[url] = f"ground.forward[{i}]"
         for i, vehicle in enumerate(self.vehicles):
             urls = {
                 "links.autopilot": vehicle.autopilot_url,

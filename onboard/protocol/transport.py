@@ -82,6 +82,17 @@ class DatagramLink(asyncio.DatagramProtocol):
             self.bytes_sent += len(data)
             self._transport.sendto(data, address)
 
+    @property
+    def local_port(self) -> int:
+        """UDP port on this side, once the link is open.
+
+        Raises:
+            TransportError: It is not.
+        """
+        if self._transport is None:
+            raise TransportError(f"{self.url} is closed")
+        return int(self._transport.get_extra_info("sockname")[1])
+
     def close(self) -> None:
         """Close the socket; sending afterwards does nothing."""
         if self._transport is not None:

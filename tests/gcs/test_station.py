@@ -5,18 +5,21 @@ import pytest
 from gcs.mission import HURRIED, MissionDirector, Phase
 from gcs.operator_desk import Action, Order, Outcome
 from gcs.recording.recorder import Recorder
+from gcs.router import TEAM
 from gcs.station import GroundStation
 from onboard.config import load_scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
-from onboard.protocol.transport import TransportError
+from onboard.protocol.transport import LinkUrl, TransportError
 
 T0 = 1.5e9
 
 
 class Loopback:
     """In place of the UDP link: keeps what is sent."""
+
+    url = LinkUrl("udpin", "127.0.0.1", 14550)
 
     def __init__(self):
         self.sent = []
@@ -45,11 +48,13 @@ class Clock:
 class Remote:
     """A component that talks to the station from an address."""
 
-    def __init__(self, station, system, component, port):
+    def __init__(self, station, system, component, port, link=TEAM):
+        self.link = link
         self.station, self.codec, self.address = station, Codec(system, component), ("127.0.0.1", port)
 
     def say(self, *messages):
-        self.station.receive(b"".join(self.codec.encode(message) for message in messages), self.address)
+        data = b"".join(self.codec.encode(message) for message in messages)
+        self.station.switchboard.receive(self.link, data, self.address)
 
 
 @pytest.fixture
@@ -61,7 +66,8 @@ def clock():
 def station(scenario, clock, monkeypatch):
     director = MissionDirector(scenario.mission.step_s, scenario.mission.takeoff_time_s, 60.0)
     station = GroundStation(scenario, director=director, clock=clock)
-    station._link = Loopback()
+    station.switchboard.attach(TEAM, Loopback())
+    station.loop = station.switchboard._links[TEAM]
     return station
 
 
@@ -96,7 +102,7 @@ def test_heartbeats_of_a_ground_station_go_to_everybody_heard_once_a_second(stat
     for _ in range(31):
         station.tick()
         clock.now_s += 0.1
-    sent = station._link.take("HEARTBEAT")
+    sent = station.loop.take("HEARTBEAT")
     for key in ((1, 1), (2, 191)):
         assert sum(address == remotes[key].address for address, _ in sent) in (3, 4)
     message = sent[0][1]
@@ -106,7 +112,7 @@ def test_heartbeats_of_a_ground_station_go_to_everybody_heard_once_a_second(stat
 def test_commands_go_to_the_address_their_component_was_heard_from(station, remotes, stand_by):
     stand_by()
     station.tick()
-    starts = station._link.take("COMMAND_INT")
+    starts = station.loop.take("COMMAND_INT")
     assert [(address, m.target_system) for address, m in starts] == [
         (remotes[vehicle, 191].address, vehicle) for vehicle in (1, 2, 3)
     ]
@@ -118,7 +124,7 @@ def test_a_component_that_moves_is_followed(station, remotes, stand_by, clock):
     clock.now_s += 3.5
     stand_by()
     station.tick()
-    assert station._link.take("COMMAND_INT")[1][0] == ("127.0.0.1", 50002)
+    assert station.loop.take("COMMAND_INT")[1][0] == ("127.0.0.1", 50002)
 
 
 def test_a_copy_that_an_autopilot_forwards_does_not_replace_the_direct_way(station, remotes, stand_by, clock):
@@ -127,7 +133,7 @@ def test_a_copy_that_an_autopilot_forwards_does_not_replace_the_direct_way(stati
     stand_by()
     remotes[2, 191].address = direct
     station.tick()
-    assert station._link.take("COMMAND_INT")[1][0] == direct
+    assert station.loop.take("COMMAND_INT")[1][0] == direct
 
 
 def test_land_is_repeated_with_confirmation_until_acknowledged(station, remotes, stand_by, clock, heartbeat):
@@ -137,7 +143,7 @@ def test_land_is_repeated_with_confirmation_until_acknowledged(station, remotes,
     confirmations = []
     for i in range(20):
         station.tick()
-        for address, message in station._link.take("COMMAND_LONG"):
+        for address, message in station.loop.take("COMMAND_LONG"):
             if address == remotes[1, 191].address:
                 confirmations.append(message.confirmation)
         if i == 12:
@@ -163,7 +169,8 @@ def test_refusals_and_silence_are_visible(station, remotes, stand_by, clock):
 def test_every_frame_is_recorded_by_link(scenario, clock, tmp_path, heartbeat):
     recorder = Recorder(tmp_path)
     station = GroundStation(scenario, recorder=recorder, clock=clock)
-    station._link = Loopback()
+    station.switchboard.attach(TEAM, Loopback())
+    station.loop = station.switchboard._links[TEAM]
     attitude = mavlink.MAVLink_attitude_message(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     Remote(station, 1, 1, 18570).say(heartbeat(), attitude)
     Remote(station, 250, 1, 40000).say(heartbeat())
@@ -180,20 +187,20 @@ def test_every_frame_is_recorded_by_link(scenario, clock, tmp_path, heartbeat):
 
 
 def test_garbage_and_crowds_of_strangers_are_survived(station, heartbeat, remotes):
-    station.receive(b"\x00\xfd\xff garbage", ("127.0.0.1", 1))
-    station.receive(b"", ("127.0.0.1", 1))
+    for data in (b"\x00\xfd\xff garbage", b""):
+        station.switchboard.receive(TEAM, data, ("127.0.0.1", 1))
     for system in range(50, 250):
         Remote(station, system, 33, 40000).say(heartbeat())
     remotes[3, 1].say(heartbeat(armed=True))
     assert station.team.state(T0).vehicle(3).armed
     station.tick()
-    assert len(station._link.take("HEARTBEAT")) == 1 + 32
+    assert len(station.loop.take("HEARTBEAT")) == 1 + 32
 
 
 def test_who_was_never_heard_is_not_sent_to(station, clock):
     station.director.land(clock.now_s, HURRIED)
     station.tick()
-    assert station._link.sent == []
+    assert station.loop.sent == []
 
 
 async def test_a_second_station_on_the_same_port_is_told_so(own_ports):
@@ -210,7 +217,7 @@ def test_an_operators_order_goes_out_and_its_end_is_recorded(station, remotes, s
     stand_by(FlightState.TRACK, armed=True)
     station.desk.submit(Order(Action.PAUSE, (2,)))
     station.tick()
-    ((address, command),) = station._link.take("COMMAND_LONG")
+    ((address, command),) = station.loop.take("COMMAND_LONG")
     assert address == remotes[2, 191].address
     assert (command.command, command.param1) == (mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0)
     remotes[2, 191].say(ack(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED))
@@ -223,7 +230,7 @@ def test_an_operator_who_lands_all_ends_the_flight(station, remotes, stand_by, c
     station.desk.submit(Order(Action.LAND, (1, 2, 3)))
     station.tick()
     assert station.director.phase is Phase.LANDING
-    assert len(station._link.take("COMMAND_LONG")) == 3, "operator's and director's are one"
+    assert len(station.loop.take("COMMAND_LONG")) == 3, "operator's and director's are one"
 
 
 def test_a_vehicle_that_the_operator_landed_is_not_started_again(station, remotes, stand_by, clock):
@@ -233,5 +240,5 @@ def test_a_vehicle_that_the_operator_landed_is_not_started_again(station, remote
     for _ in range(60):
         station.tick()
         clock.now_s += 0.1
-    assert {m.target_system for _, m in station._link.take("COMMAND_INT")} == {2, 3}
+    assert {m.target_system for _, m in station.loop.take("COMMAND_INT")} == {2, 3}
     assert station.director.phase is not Phase.LANDING

@@ -59,12 +59,13 @@ def test_autopilot_by_px4s_names(heartbeat):
     assert vehicle.state(4.0).battery is None
 
 
-def test_mode_of_another_autopilot_is_its_number():
+@pytest.mark.parametrize(
+    ("autopilot", "mode"), [(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "GUIDED"), (mavlink.MAV_AUTOPILOT_GENERIC, "4")]
+)
+def test_mode_of_another_autopilot_is_its_name_where_known_or_its_number(autopilot, mode):
     vehicle = VehicleMonitor(1)
-    vehicle.autopilot_heartbeat(
-        mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 4, 3, 3), 0.0
-    )
-    assert vehicle.mode == "4"
+    vehicle.autopilot_heartbeat(mavlink.MAVLink_heartbeat_message(2, autopilot, 0, 4, 3, 3), 0.0)
+    assert vehicle.mode == mode
 
 
 @pytest.mark.parametrize(("age_s", "alive"), [(4.4, True), (4.6, False)])

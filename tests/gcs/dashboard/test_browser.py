@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from gcs.commands import ONBOARD
 from gcs.dashboard.board import DashboardFeed
 from gcs.dashboard.server import Address, find_port, serve_dashboard
-from gcs.operator_desk import Action, OperatorDesk
+from gcs.operator_desk import Action, OperatorDesk, Way, command_for
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import CommandOutcome
 
@@ -43,9 +44,13 @@ class Flight:
             state = self.team.monitor.state(now_s)
             for order in self.desk.take():
                 self.orders.append(order)
-                for command in self.desk.commands(order, state):
-                    target = (command.target_system, command.target_component)
-                    self.desk.ended(CommandOutcome(command.command, target, self.result), now_s)
+                for vehicle in state.vehicles:
+                    if vehicle.id in order.vehicles:
+                        command = command_for(order.action, vehicle, now_s)
+                        target = (command.target_system, command.target_component)
+                        way = Way.ONBOARD if command.target_component == ONBOARD else Way.DIRECT
+                        self.desk.opened(order.action, vehicle.id, (way,), now_s)
+                        self.desk.ended(CommandOutcome(command.command, target, self.result), now_s)
             self.team.monitor.advance(now_s)
             for event in self.team.monitor.take_events():
                 self.feed.event(event)
@@ -168,6 +173,18 @@ def test_an_order_needs_a_confirmation_and_shows_its_end(page, flight):
     page.get_by_role("button", name="Confirm land").click()
     page.get_by_text("acknowledged").wait_for()
     assert [(order.action, order.vehicles) for order in flight.orders] == [(Action.LAND, (2,))]
+
+
+def test_the_emergency_stop_is_armed_then_confirmed_within_seconds(page, flight):
+    stop, off = page.get_by_role("button", name="Emergency stop"), page.get_by_role("button", name="MOTORS OFF")
+    stop.click()
+    page.get_by_text("what flies falls").wait_for()
+    off.wait_for(state="hidden", timeout=8_000)  # nobody confirmed: it is disarmed again
+    assert flight.orders == []
+    stop.click()
+    off.click()
+    page.get_by_text("Emergency stop vehicle 3").wait_for()
+    assert [(order.action, order.vehicles) for order in flight.orders] == [(Action.STOP, (1, 2, 3))]
 
 
 def test_a_refusal_and_a_silence_are_shown(page, flight):

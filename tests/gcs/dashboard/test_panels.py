@@ -7,7 +7,7 @@ import pytest
 from gcs.dashboard import panels
 from gcs.dashboard.board import Moment
 from gcs.dashboard.view import MapBounds
-from gcs.operator_desk import Action, CommandRecord, Outcome
+from gcs.operator_desk import Action, CommandRecord, Outcome, Way, refusal_reason
 from gcs.team import Event
 from onboard.protocol import dialect as mavlink
 
@@ -87,7 +87,7 @@ def test_the_headline_counts_and_warns(fake_team):
 
 
 def record(outcome, result="", ended_s=None):
-    return CommandRecord(T0, ended_s, Action.PAUSE, 2, 191, mavlink.MAV_CMD_DO_PAUSE_CONTINUE, outcome, result)
+    return CommandRecord(T0, ended_s, Action.PAUSE, 2, (Way.ONBOARD,), outcome, result, frozenset())
 
 
 @pytest.mark.parametrize(
@@ -112,5 +112,5 @@ def test_a_refusal_is_explained_by_what_the_vehicle_says_then():
         Event(T0 + 1.0, 4, "vehicle 2", "onboard process refused DO_PAUSE_CONTINUE: temporarily rejected"),
         Event(T0 + 1.1, 4, "vehicle 1", "something else"),
     ]
-    assert panels.refusal_reason(refused, reversed(events)) == "pause refused: state is RETURN"
-    assert panels.refusal_reason(refused, events[1:]) is None
+    assert refusal_reason(refused, reversed(events)) == "pause refused: state is RETURN"
+    assert refusal_reason(refused, events[1:]) is None

@@ -1,0 +1,163 @@
+"""The ground station's sockets: the team's link, the local port that programs here share, and links to other stations.
+
+Frames go through a :class:`~gcs.router.Router`; what is for the station itself is handed to it, too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Callable
+from functools import partial
+
+from gcs.router import TEAM, Port, Router
+from onboard.config.schema import GroundConfig
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.addressing import SystemComponent, source_of, target_of
+from onboard.protocol.codec import BROADCAST, message_id, split_frames
+from onboard.protocol.transport import Address, DatagramLink, LinkUrl, TransportError, open_datagram_link
+
+__all__ = ["SHARE", "Switchboard"]
+
+SHARE = "share"
+"""Name of the link of programs on this machine."""
+
+_NEEDED_BY_MAVSDK = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE})
+"""Of what vehicles broadcast; MAVSDK's actions need no more, and each frame costs both sides."""
+
+Receiver = Callable[[bytes, SystemComponent, Port], None]
+"""A frame, its sender, and where it came from."""
+
+
+class Switchboard:
+    """Opens the links of a ground station and passes frames on.
+
+    Args:
+        ground: URLs of the links.
+        receive: Called with each frame that the router lets pass.
+        clock: UNIX time, s.
+        frugal: A component that needs few of the broadcasts: MAVSDK.
+
+    Attributes:
+        rejected: Pieces of datagrams that are no frame.
+        router: Who is where.
+    """
+
+    def __init__(
+        self, ground: GroundConfig, receive: Receiver, clock: Callable[[], float], frugal: SystemComponent
+    ) -> None:
+        self.rejected = 0
+        self.router = Router()
+        self._ground = ground
+        self._deliver = receive
+        self._clock = clock
+        self._frugal = frugal
+        self._links: dict[str, DatagramLink] = {}
+        self._admits: Callable[[SystemComponent], bool] = lambda _: True
+
+    def admit(self, admits: Callable[[SystemComponent], bool]) -> None:
+        """Ask this about every component that is heard for the first time on the team's link."""
+        self._admits = admits
+
+    async def open(self, team_url: str | None = None) -> list[str]:
+        """Open all links; what could not be had, but is no reason not to fly.
+
+        Args:
+            team_url: Instead of the configured one: a station's shared port, for a program that joins in.
+
+        Raises:
+            TransportError: The team's link cannot be opened.
+        """
+        problems = []
+        self._links[TEAM] = await open_datagram_link(team_url or self._ground.url, receive_from=partial(self.receive, TEAM))
+        with contextlib.suppress(TransportError):
+            # A program that has joined in is no place for others to do so, but MAVSDK needs one.
+            url = self._ground.share_url if team_url is None else _free_url()
+            self._links[SHARE] = await open_datagram_link(url, receive_from=partial(self.receive, SHARE))
+        if SHARE not in self._links:
+            problems.append(f"{self._ground.share_url} is in use: `arvi monitor` and `arvi command` cannot join here")
+            self._links[SHARE] = await open_datagram_link(_free_url(), receive_from=partial(self.receive, SHARE))
+        for url in self._ground.forward:
+            try:
+                self._links[url] = await open_datagram_link(url, receive_from=partial(self.receive, url))
+            except TransportError as error:
+                problems.append(f"forwarding: {error}")
+                continue
+            parts = LinkUrl.parse(url)
+            if parts.kind == "udpout":
+                self.router.add_remote(Port(url, (socket.gethostbyname(parts.host), parts.port)))
+        return problems
+
+    @property
+    def share_port(self) -> int:
+        """UDP port of the shared link on this machine."""
+        return self._links[SHARE].local_port
+
+    def close(self) -> None:
+        """Close all links."""
+        for link in self._links.values():
+            link.close()
+        self._links.clear()
+
+    def reach_out(self, frame: bytes) -> None:
+        """Send to the team's link even if nobody was heard there yet, where the URL says whom to send to."""
+        link = self._links.get(TEAM)
+        if link is not None and link.url.kind == "udpout":
+            link.send(frame)
+
+    def send(self, frame: bytes, component: SystemComponent) -> bool:
+        """Send to a component of the team at the address that it was heard from; False if it never was."""
+        port = self.router.team_port(component)
+        if port is None:
+            return False
+        self._transmit(frame, port)
+        return True
+
+    def heard(self) -> set[SystemComponent]:
+        """The team's components that have been heard."""
+        return set(self.router.team_components())
+
+    def attach(self, name: str, link: DatagramLink) -> None:
+        """Use a link that is open already."""
+        self._links[name] = link
+
+    def receive(self, link: str, datagram: bytes, address: Address) -> None:
+        """Take one datagram of a link that came from an address."""
+        now_s, port = self._clock(), Port(link, address)
+        for frame in split_frames(datagram):
+            if frame is None:
+                self.rejected += 1
+                continue
+            source = source_of(frame)
+            if link == TEAM and self.router.team_port(source) is None and not self._admits(source):
+                continue
+            if not self.router.receive(frame, port, now_s):
+                continue
+            copy = link == TEAM and self.router.port_of(source) != port
+            if not copy and (link != TEAM or self.router.has_guests):
+                self._pass_on(frame, port)
+            self._deliver(frame, source, port)
+
+    def _pass_on(self, frame: bytes, came_from: Port) -> None:
+        spared = None
+        if came_from.link == TEAM and target_of(frame)[0] == BROADCAST and message_id(frame) not in _NEEDED_BY_MAVSDK:
+            spared = self.router.port_of(self._frugal)
+        for port in self.router.ways(frame, came_from):
+            if port != spared:
+                self._transmit(frame, port)
+
+    def _transmit(self, frame: bytes, port: Port) -> None:
+        link = self._links.get(port.link)
+        if link is None:
+            return
+        if link.url.kind == "udpout":
+            link.send(frame)
+        else:
+            link.send_to(frame, port.address)
+
+
+def _free_url() -> str:
+    """A loopback port that the system has just given us."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return f"udpin:127.0.0.1:{sock.getsockname()[1]}"
