@@ -69,7 +69,9 @@ class Switchboard:
             TransportError: The team's link cannot be opened.
         """
         problems = []
-        self._links[TEAM] = await open_datagram_link(team_url or self._ground.url, receive_from=partial(self.receive, TEAM))
+        self._links[TEAM] = await open_datagram_link(
+            team_url or self._ground.url, receive_from=partial(self.receive, TEAM)
+        )
         with contextlib.suppress(TransportError):
             # A program that has joined in is no place for others to do so, but MAVSDK needs one.
             url = self._ground.share_url if team_url is None else _free_url()

@@ -15,12 +15,20 @@ from onboard.mapping.errors import MappingError
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent
 from onboard.protocol.status_text import StatusTextAssembler
-from onboard.protocol.team_messages import MessageError, primitives_checksum, read_belief, read_plan, read_tile
+from onboard.protocol.team_messages import (
+    MessageError,
+    primitives_checksum,
+    read_belief,
+    read_landmarks,
+    read_plan,
+    read_tile,
+)
 
 __all__ = ["Event", "TeamMonitor", "TeamState"]
 
 _WANTED = frozenset(
     {
+        mavlink.MAVLINK_MSG_ID_ARVI_LANDMARKS,
         mavlink.MAVLINK_MSG_ID_ARVI_PLAN,
         mavlink.MAVLINK_MSG_ID_ATTITUDE,
         mavlink.MAVLINK_MSG_ID_EXPLORED_TILE,
@@ -215,6 +223,8 @@ class TeamMonitor:
                 self._planner_status(message, vehicle, now_s)
             case mavlink.MAVLink_arvi_plan_message():
                 self._plan(message, vehicle)
+            case mavlink.MAVLink_arvi_landmarks_message():
+                self._landmarks(message, vehicle)
             case mavlink.MAVLink_target_belief_message():
                 self._belief(message, vehicle, now_s)
             case mavlink.MAVLink_explored_tile_message():
@@ -258,15 +268,29 @@ class TeamMonitor:
     def _planner_status(
         self, message: mavlink.MAVLink_planner_status_message, vehicle: VehicleMonitor, now_s: float
     ) -> None:
-        misses = vehicle.deadline_misses
+        misses, heard = vehicle.deadline_misses, vehicle.neighbours
         vehicle.planner_status(message, now_s)
+        self._links(vehicle.id, heard, vehicle.neighbours, now_s)
         if vehicle.deadline_misses > misses:
             text = f"a plan was late ({vehicle.deadline_misses} so far)"
             self.note(now_s, mavlink.MAV_SEVERITY_WARNING, f"vehicle {vehicle.id}", text)
 
+    def _links(self, vehicle_id: int, before: frozenset[int], after: frozenset[int], now_s: float) -> None:
+        """Say which radio links a vehicle has found and lost."""
+        for words, peers in (("hears", after - before), ("no longer hears", before - after)):
+            if peers:
+                text = f"{words} vehicle{'s' * (len(peers) > 1)} {', '.join(map(str, sorted(peers)))}"
+                self.note(now_s, mavlink.MAV_SEVERITY_INFO, f"vehicle {vehicle_id}", text)
+
     def _plan(self, message: mavlink.MAVLink_arvi_plan_message, vehicle: VehicleMonitor) -> None:
         try:
             vehicle.plan(read_plan(message, self._grid, self._checksum, self._primitive_count))
+        except MessageError:
+            self.rejected += 1
+
+    def _landmarks(self, message: mavlink.MAVLink_arvi_landmarks_message, vehicle: VehicleMonitor) -> None:
+        try:
+            vehicle.landmarks(read_landmarks(message))
         except MessageError:
             self.rejected += 1
 

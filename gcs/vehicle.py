@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from onboard.messages import FlightState, PeerPlan
 from onboard.protocol import dialect as mavlink
@@ -62,6 +63,8 @@ class VehicleState:
         autopilot: MAV_AUTOPILOT.
         link: Frames of both its components in the last ten seconds; None if there were none.
         delay_s: From its last status to its reception, by the clocks of both sides, s.
+        peer_loss: Frames lost over frames sent, 0 to 1, of each neighbour that it hears; without those unknown.
+        landmarks: North m, east m of its exploration landmarks.
     """
 
     id: int
@@ -94,6 +97,8 @@ class VehicleState:
     autopilot: int | None = None
     link: LinkQuality | None = None
     delay_s: float | None = None
+    peer_loss: Mapping[int, float] = field(default_factory=dict)
+    landmarks: tuple[tuple[float, float], ...] = ()
 
     @property
     def onboard_alive(self) -> bool:
@@ -176,6 +181,7 @@ class VehicleMonitor:
         self._budgets_s: list[float] = []
         self._sequences: dict[int, SequenceMonitor] = {}
         self._delay_s: float | None = None
+        self._landmarks: tuple[tuple[float, float], ...] = ()
 
     def sequence(self, component: int, number: int, now_s: float) -> None:
         """The sequence number of any frame of one of its components."""
@@ -218,6 +224,10 @@ class VehicleMonitor:
         self._plan = plan
         self._planning_times_s.append(plan.planning_time_s)
         self._budgets_s.append(plan.budget_s)
+
+    def landmarks(self, places: tuple[tuple[float, float], ...]) -> None:
+        """ARVI_LANDMARKS: north m, east m of each."""
+        self._landmarks = places
 
     def truth(self, message: mavlink.MAVLink_vehicle_truth_message) -> None:
         """VEHICLE_TRUTH, of a simulated vehicle."""
@@ -273,6 +283,11 @@ class VehicleMonitor:
         return FlightState(self._status.state)
 
     @property
+    def neighbours(self) -> frozenset[int]:
+        """System ids that it hears."""
+        return frozenset(i for i in self._status.neighbours if i) if self._status is not None else frozenset()
+
+    @property
     def deadline_misses(self) -> int:
         """Plans that were late."""
         return self._status.deadline_misses if self._status is not None else 0
@@ -312,6 +327,8 @@ class VehicleMonitor:
             autopilot=self._heartbeat.autopilot if self._heartbeat is not None else None,
             link=self._link(now_s),
             delay_s=self._delay_s,
+            peer_loss=_peer_loss(status),
+            landmarks=self._landmarks,
         )
 
     def figures(self) -> VehicleFigures:
@@ -387,6 +404,13 @@ class VehicleMonitor:
         if self._landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED:
             return self._landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
         return self.flight_state is FlightState.LANDED or not self.armed
+
+
+def _peer_loss(status: mavlink.MAVLink_planner_status_message | None) -> dict[int, float]:
+    if status is None:
+        return {}
+    pairs = zip(status.neighbours, status.neighbour_loss, strict=True)
+    return {neighbour: percent / 100.0 for neighbour, percent in pairs if neighbour and percent <= 100}
 
 
 def _age(then_s: float | None, now_s: float) -> float | None:

@@ -30,10 +30,12 @@ from onboard.planning.plan import Plan
 from onboard.planning.problem import Problem
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import BROADCAST, Codec, RefusalNotice
+from onboard.protocol.link_quality import SequenceMonitor
 from onboard.protocol.signing import LinkSigning, SignedLink, Signing
 from onboard.protocol.status_text import encode_status_text
 from onboard.protocol.team_messages import (
     encode_belief,
+    encode_landmarks,
     encode_plan,
     encode_tile,
     primitives_checksum,
@@ -49,6 +51,9 @@ __all__ = ["COMPONENT", "Companion", "LinkName", "PlanningJob"]
 
 COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 """This process's component id (191)."""
+
+LANDMARKS_EVERY = 2
+"""Steps from one message about landmarks to the next; only the ground hears them."""
 
 MAX_START_AHEAD_S = 600.0
 MAX_DETECTION_AGE_S = 2.0
@@ -118,6 +123,7 @@ class Companion:
         self._last_resort = LastResort(scenario, self.vehicle)
         self._checksum = primitives_checksum(scenario.primitive_set)
         self._counts = Counts()
+        self._peer_frames: dict[int, SequenceMonitor] = {}
         self._out: list[tuple[LinkName, bytes]] = []
         self._unreported: list[Event] = []
         self._events: list[Event] = []
@@ -157,9 +163,10 @@ class Companion:
                 self._counts.refused += 1
 
     def _from_peer(self, message: mavlink.MAVLink_message, time_s: float) -> None:
-        if self.agent is None or self._clock is None:
-            return
         if message.get_srcSystem() not in self._team or message.get_srcComponent() != COMPONENT:
+            return
+        self._peer_frames.setdefault(message.get_srcSystem(), SequenceMonitor()).receive(message.get_seq(), time_s)
+        if self.agent is None or self._clock is None:
             return
         match message:
             case mavlink.MAVLink_planner_status_message():
@@ -317,6 +324,8 @@ class Companion:
         for tile in output.tiles:
             self._send(LinkName.PEERS, encode_tile(tile))
             self._send(LinkName.GROUND, encode_tile(tile))
+        if step % LANDMARKS_EVERY == 0:
+            self._send(LinkName.GROUND, encode_landmarks(self._clock.time_of(step), self.agent.landmarks.values()))
 
     # Planning, beside the event loop.
 
@@ -400,7 +409,10 @@ class Companion:
 
     def _status_message(self, time_s: float) -> mavlink.MAVLink_planner_status_message:
         rejected = sum(codec.rejected + codec.refused.total() for codec in self._codecs.values())
-        return planner_status(time_s, self._clock, self.machine, self.autopilot, self.agent, self._counts, rejected)
+        loss = {peer: frames.quality(time_s).loss for peer, frames in self._peer_frames.items()}
+        return planner_status(
+            time_s, self._clock, self.machine, self.autopilot, self.agent, self._counts, rejected, loss
+        )
 
     def _status(self, time_s: float) -> None:
         for link, codec in self._codecs.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from onboard.agent import Agent
@@ -14,6 +15,7 @@ from onboard.protocol import dialect as mavlink
 __all__ = ["Counts", "planner_status"]
 
 _MAX_NEIGHBOURS = 32
+_UNKNOWN = 255
 _UINT8, _UINT32 = 0xFF, 0xFFFFFFFF
 
 
@@ -50,6 +52,7 @@ def planner_status(
     agent: Agent | None,
     counts: Counts,
     rejected: int,
+    peer_loss: Mapping[int, float | None],
 ) -> mavlink.MAVLink_planner_status_message:
     """The status at a UNIX time; what is unknown is NaN.
 
@@ -61,6 +64,7 @@ def planner_status(
         agent: Algorithm 3; None before the start.
         counts: What was done.
         rejected: Pieces of datagrams on all links that were no valid frame.
+        peer_loss: Frames lost over frames sent, 0 to 1, by the peer that sent them.
     """
     neighbours = agent.team.neighbours(time_s)[:_MAX_NEIGHBOURS] if agent is not None else ()
     group = agent.group(time_s) if agent is not None else None
@@ -92,4 +96,11 @@ def planner_status(
         targets=min(len(agent.tracks), _UINT8) if agent is not None else 0,
         landmarks=min(agent.landmark_count, _UINT8) if agent is not None else 0,
         over_home=int(machine.over_home),
+        neighbour_loss=_percent([peer_loss.get(neighbour) for neighbour in neighbours]),
     )
+
+
+def _percent(shares: list[float | None]) -> list[int]:
+    """Of each neighbour, %; what is unknown, and places without a neighbour, say so."""
+    known = [_UNKNOWN if share is None else round(100.0 * share) for share in shares]
+    return [*known, *[_UNKNOWN] * (_MAX_NEIGHBOURS - len(known))]

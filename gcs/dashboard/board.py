@@ -108,7 +108,7 @@ class Board:
         self.map_view = MapView(scenario)
         self.history = FlightHistory([vehicle.id for vehicle in scenario.vehicles], self.map_view.bounds)
         self.events = EventLog()
-        self._estimates: dict[int | None, Columns] = {}
+        self._estimates: dict[int | str, Columns] = {}
 
     def make_bar(self) -> PageBar:
         """What an operator presses: one for each page."""
@@ -132,10 +132,10 @@ class Board:
         self._estimates = {}
         self.layers = self.map_view.layers(moment.team)
 
-    def estimates(self, robot: int | None) -> Columns:
-        """Estimates of one robot, or the best of all, worked out once for all pages."""
+    def estimates(self, chosen_by: int | str) -> Columns:
+        """Estimates as :func:`~gcs.dashboard.view.estimate_columns` has them, worked out once for all pages."""
         if self.moment is None:
             return {}
-        if robot not in self._estimates:
-            self._estimates[robot] = estimate_columns(self.moment.team, self.map_view.bounds, robot)
-        return self._estimates[robot]
+        if chosen_by not in self._estimates:
+            self._estimates[chosen_by] = estimate_columns(self.moment.team, self.map_view.bounds, chosen_by)
+        return self._estimates[chosen_by]

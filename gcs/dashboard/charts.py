@@ -15,7 +15,7 @@ from gcs.dashboard.view import Columns
 
 __all__ = ["CHARTS", "Charts"]
 
-CHARTS = ("entropy", "found", "rmse", "planning", "cost", "age")
+CHARTS = ("entropy", "found", "rmse", "explored", "planning", "cost", "age", "loss")
 """Names of the charts, in the order of the page."""
 
 _TITLES = {
@@ -24,7 +24,9 @@ _TITLES = {
     "rmse": "RMSE of the estimates, m",
     "planning": "planning time, budget (dashed), ms",
     "cost": "plan cost, lower bound (dashed)",
+    "explored": "explored area, %",
     "age": "age of onboard heartbeats, s",
+    "loss": "frames lost: to ground, worst radio (dashed), %",
 }
 
 
@@ -56,7 +58,9 @@ class Charts:
             "rmse": lambda plot: self._line(plot, "rmse", GREEN, 2),
             "planning": self._planning,
             "cost": self._cost,
+            "explored": lambda plot: self._line(plot, "explored", BLUE, 2),
             "age": self._age,
+            "loss": self._loss,
         }
         self.figures: dict[str, figure] = {}
         for name in CHARTS:
@@ -127,6 +131,11 @@ class Charts:
         plot.y_range = DataRange1d(start=0)
         self._line(plot, "silent", ALARM, line_dash="dashed")
         self._each(plot, "age")
+
+    def _loss(self, plot: figure) -> None:
+        plot.y_range = DataRange1d(start=0)
+        self._each(plot, "radio", line_dash=[4, 3], line_alpha=0.7)
+        self._each(plot, "loss")
 
     def _each(self, plot: figure, name: str, **style: Any) -> None:
         for i, vehicle_id in enumerate(self._ids):

@@ -53,6 +53,7 @@ class FlightHistory:
             "entropy": _known(team.figures.entropy_now_nats),
             "rmse": _known(team.figures.rmse_now_m),
             "found": float(team.discovered),
+            "explored": 100.0 * team.explored.share if team.explored is not None else math.nan,
             "silent": SILENT_S,
             "budget": max((_milliseconds(v.planning_budget_s) for v in team.vehicles), default=math.nan),
         }
@@ -81,8 +82,8 @@ class FlightHistory:
     def names(self) -> tuple[str, ...]:
         """The columns."""
         return (
-            *("time", "entropy", "rmse", "found", "silent", "budget"),
-            *(f"{name}_{i}" for i in self._ids for name in ("planning", "cost", "bound", "age")),
+            *("time", "entropy", "rmse", "found", "explored", "silent", "budget"),
+            *(f"{name}_{i}" for i in self._ids for name in ("planning", "cost", "bound", "age", "loss", "radio")),
         )
 
     def trails(self) -> Columns:
@@ -138,12 +139,18 @@ def _vehicle_row(vehicle: VehicleState) -> dict[str, float]:
         f"cost_{vehicle.id}": _known(plan.cost) if plan is not None else math.nan,
         f"bound_{vehicle.id}": _known(plan.lower_bound) if plan is not None else math.nan,
         f"age_{vehicle.id}": _known(vehicle.onboard_age_s),
+        f"loss_{vehicle.id}": _percent(vehicle.link.loss if vehicle.link is not None else None),
+        f"radio_{vehicle.id}": _percent(max(vehicle.peer_loss.values(), default=None)),
     }
 
 
 def _known(value: float | None) -> float:
     """NaN, a gap in the line, for what is unknown or infinite."""
     return value if value is not None and math.isfinite(value) else math.nan
+
+
+def _percent(share: float | None) -> float:
+    return 100.0 * _known(share)
 
 
 def _milliseconds(value_s: float | None) -> float:

@@ -19,7 +19,7 @@ from bokeh.plotting import figure
 from gcs.dashboard.board import Board
 from gcs.dashboard.palette import ESTIMATE, TWO_WAY, Theme, vehicle_colour
 from gcs.dashboard.sources import update
-from gcs.dashboard.view import Columns
+from gcs.dashboard.view import BEST, FUSED, Columns
 
 __all__ = ["TeamMap"]
 
@@ -31,8 +31,9 @@ _EMPTY: dict[str, Columns] = {
             *("state", "place", "motion", "age"),
         )
     },
-    "links": {name: [] for name in ("x0", "y0", "x1", "y1", "colour", "dash", "label")},
+    "links": {name: [] for name in ("x0", "y0", "x1", "y1", "colour", "width", "dash", "label")},
     "plans": {name: [] for name in ("xs", "ys", "colour", "label", "quality", "search")},
+    "landmarks": {name: [] for name in ("x", "y", "colour", "label", "place")},
     "truth": {name: [] for name in ("x", "y", "label", "place", "error")},
     "estimates": {
         name: [] for name in ("x", "y", "width", "height", "angle", "label", "place", "spread", "source", "error")
@@ -88,8 +89,8 @@ class TeamMap:
         names = [str(i) for i in self._ids]
         self.robot_choice = Select(
             title="Estimates of",
-            value="best",
-            options=[("best", "the surest robot for each"), *((n, f"robot {n}") for n in names)],
+            value=FUSED,
+            options=[(FUSED, "all robots, fused"), (BEST, "the surest robot"), *((n, f"robot {n}") for n in names)],
         )
         self.follow_choice = Select(title="Follow", value="nobody", options=["nobody", *names])
         self.figure = self._make_figure()
@@ -117,6 +118,7 @@ class TeamMap:
             ("vehicles", layers.vehicles),
             ("links", layers.links),
             ("plans", layers.plans),
+            ("landmarks", layers.landmarks),
             ("truth", layers.truth),
             ("estimates", board.estimates(self._robot())),
         ):
@@ -144,8 +146,9 @@ class TeamMap:
         for names in (self._names, self._truth_names):
             names.glyph.text_color = theme.ink
 
-    def _robot(self) -> int | None:
-        return int(self.robot_choice.value) if str(self.robot_choice.value).isdigit() else None
+    def _robot(self) -> int | str:
+        chosen = str(self.robot_choice.value)
+        return int(chosen) if chosen.isdigit() else chosen
 
     def _make_figure(self) -> figure:
         bounds = self._board.map_view.bounds
@@ -205,8 +208,8 @@ class TeamMap:
         )
         see = self._field_of_view()
         links = plot.segment(
-            "x0", "y0", "x1", "y1", source=sources["links"], line_color="colour", line_dash="dash", line_width=1.5,
-            line_alpha=0.55,
+            "x0", "y0", "x1", "y1", source=sources["links"], line_color="colour", line_dash="dash", line_width="width",
+            line_alpha=0.6,
         )  # fmt: skip
         trails = plot.multi_line(
             "xs", "ys", source=sources["trails"], line_color="colour", line_alpha=0.45, line_width=1.5
@@ -214,6 +217,10 @@ class TeamMap:
         plans = plot.multi_line(
             "xs", "ys", source=sources["plans"], line_color="colour", line_width=3, line_dash=[5, 3], line_cap="round"
         )
+        landmarks = plot.scatter(
+            "x", "y", source=sources["landmarks"], marker="square", size=8, line_color="colour", line_width=1.5,
+            fill_color=None,
+        )  # fmt: skip
         ellipses = plot.ellipse(
             "x", "y", width="width", height="height", angle="angle", source=sources["estimates"],
             fill_color=ESTIMATE, fill_alpha=0.07, line_color=ESTIMATE, line_width=1.8,
@@ -249,6 +256,7 @@ class TeamMap:
         self._hover(self._truth, [("target", "@label, true place"), ("", "@place"), ("best estimate off by", "@error")])
         self._hover(plans, [("plan of", "vehicle @label"), ("", "@quality"), ("", "@search")])
         self._hover(links, [("radio", "@label")])
+        self._hover(landmarks, [("landmark of", "vehicle @label"), ("", "@place")])
         self._explored_glyph = explored.glyph
         layers: list[tuple[str, list[Any]]] = [
             ("vehicle, heading", [vehicles, headings, numbers]),
@@ -256,8 +264,9 @@ class TeamMap:
             ("trail, 20 s", [trails]),
             ("plan", [plans]),
             ("estimate, 95 % ellipse", [estimates, ellipses, self._names]),
-            ("radio: grey both ways, red one way", [links]),
+            ("radio: orange from 5 %, red from 20 % lost; dashed one way", [links]),
             ("explored", [self._explored_swatch, explored]),
+            ("landmark", [landmarks]),
             ("fence", [border]),
         ]
         if self._board.scenario.simulation is not None:

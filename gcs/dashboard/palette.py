@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["ALARM", "DARK", "ESTIMATE", "LIGHT", "ONE_WAY", "THEMES", "TWO_WAY", "WARNING", "Theme", "vehicle_colour"]
+__all__ = [
+    "ALARM",
+    "DARK",
+    "ESTIMATE",
+    "LIGHT",
+    "THEMES",
+    "TWO_WAY",
+    "WARNING",
+    "Theme",
+    "link_style",
+    "vehicle_colour",
+]
 
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
@@ -19,8 +30,16 @@ _VEHICLES = (BLUE, GREEN, PURPLE, SKY)
 ESTIMATE = ORANGE
 ALARM = VERMILLION
 WARNING = ORANGE
-ONE_WAY = VERMILLION
 TWO_WAY = "#8793a0"
+
+_LOSSY, _VERY_LOSSY = 0.05, 0.2
+
+
+def link_style(loss: float) -> tuple[str, float]:
+    """Colour and width of a radio link that loses this share of its frames, 0 to 1: the width tells it, too."""
+    if loss < _LOSSY:
+        return TWO_WAY, 1.5
+    return (ORANGE, 2.5) if loss < _VERY_LOSSY else (VERMILLION, 3.5)
 
 
 @dataclass(frozen=True, slots=True)

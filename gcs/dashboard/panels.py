@@ -25,6 +25,8 @@ SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "i
 """By MAV_SEVERITY."""
 
 _LOW_BATTERY = 0.2
+_LATE_S = 1.0
+_LOSSY = 0.05
 _NAMED_NEIGHBOURS = 5
 _WARNING = 4
 
@@ -41,6 +43,7 @@ _HEADERS = (
     ("nodes", "successors generated for the plan"),
     ("late", "plans that missed their deadline"),
     ("hears", "neighbours on the radio"),
+    ("link", "frames lost on the way to the ground in the last 10 s; ×: frames that came twice; late: a status' delay"),
     ("beat&nbsp;s", "age of the heartbeats: onboard process / autopilot"),
     ("last text", "last status text"),
 )
@@ -137,6 +140,7 @@ def _row(index: int, vehicle: VehicleState, bounds: MapBounds) -> str:
         ("–" if plan is None else f"{plan.nodes:,}".replace(",", " "), ""),
         (str(vehicle.deadline_misses), "warn" if vehicle.deadline_misses else ""),
         (_hears(vehicle.neighbours), ""),
+        _link(vehicle),
         (f"{_beat(vehicle.onboard_age_s)} / {_beat(vehicle.autopilot_age_s)}", "bad" if silent else ""),
         (f"<span title='{escape(text)}'>{escape(text)}</span>", "text bad" if lost else "text"),
     )
@@ -148,6 +152,19 @@ def _hears(neighbours: Sequence[int]) -> str:
     """Neighbours by number, or how many when they are more than a column has room for."""
     ids = " ".join(map(str, neighbours)) or "–"
     return ids if len(neighbours) <= _NAMED_NEIGHBOURS else f"<span title='{ids}'>{len(neighbours)} of them</span>"
+
+
+def _link(vehicle: VehicleState) -> tuple[str, str]:
+    """Loss, duplicates and delay on the way to the ground, and the cell's style."""
+    if vehicle.link is None or vehicle.link.loss is None:
+        return "–", ""
+    words = [number(100.0 * vehicle.link.loss, 0, "&nbsp;%")]
+    if vehicle.link.duplicated:
+        words.append(f"×{vehicle.link.duplicated}")
+    late = vehicle.delay_s is not None and abs(vehicle.delay_s) >= _LATE_S
+    if late:
+        words.append(f"late&nbsp;{number(vehicle.delay_s, 1)}&nbsp;s")
+    return " ".join(words), "warn" if late or vehicle.link.duplicated or vehicle.link.loss >= _LOSSY else ""
 
 
 def _beat(age_s: float | None) -> str:

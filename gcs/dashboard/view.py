@@ -11,19 +11,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gcs.dashboard.palette import ALARM, ONE_WAY, TWO_WAY, vehicle_colour
+from gcs.dashboard.palette import ALARM, link_style, vehicle_colour
 from gcs.dashboard.shapes import axis_angle, ellipse_95, planned_path
 from gcs.dashboard.wording import SILENT_S, age_text, flight_state_text, number, vehicle_is_silent
+from gcs.fusion import fuse
 from gcs.metrics import Estimate, TargetState
 from gcs.team import TeamState
 from gcs.vehicle import VehicleState
 from onboard.config import Scenario
 from onboard.messages import PeerPlan
 
-__all__ = ["Columns", "MapBounds", "MapView", "estimate_columns"]
+__all__ = ["BEST", "FUSED", "Columns", "MapBounds", "MapView", "estimate_columns"]
 
 Columns = dict[str, list[Any]]
 """Column name to values, all of one length; positions are x = east m, y = north m."""
+
+FUSED, BEST = "fused", "best"
+"""Whose estimates are shown, when not one robot's: those of all joined, or each target's of smallest entropy."""
 
 _FAR = 20.0
 """So many times its own size away from the mission area, a position is taken for nonsense."""
@@ -61,6 +65,7 @@ class MapLayers:
         vehicles: Place, heading and field of view of each vehicle.
         links: Radio links as segments.
         plans: Planned paths as lines.
+        landmarks: Places of exploration landmarks.
         truth: True places of targets.
         notices: What cannot be drawn, in words.
     """
@@ -68,6 +73,7 @@ class MapLayers:
     vehicles: Columns
     links: Columns
     plans: Columns
+    landmarks: Columns
     truth: Columns
     notices: tuple[str, ...]
 
@@ -89,6 +95,7 @@ class MapView:
             vehicles=self._vehicles(drawn),
             links=_links(drawn),
             plans=self._plans(team.vehicles),
+            landmarks=self._landmarks(team.vehicles),
             truth=self._truth(team.targets),
             notices=self._notices(team),
         )
@@ -136,6 +143,20 @@ class MapView:
             columns["search"].append(
                 f"{plan.nodes} nodes in {number(1e3 * plan.planning_time_s, 0)} of {number(1e3 * plan.budget_s, 0)} ms"
             )
+        return columns
+
+    def _landmarks(self, vehicles: Sequence[VehicleState]) -> Columns:
+        columns: Columns = {"x": [], "y": [], "colour": [], "label": [], "place": []}
+        for vehicle in vehicles:
+            if vehicle_is_silent(vehicle):
+                continue
+            for north_m, east_m in vehicle.landmarks:
+                if self.bounds.plausible(north_m, east_m):
+                    columns["x"].append(_millimetres(east_m))
+                    columns["y"].append(_millimetres(north_m))
+                    columns["colour"].append(self._colours[vehicle.id])
+                    columns["label"].append(str(vehicle.id))
+                    columns["place"].append(f"{number(north_m, 2)} m N, {number(east_m, 2)} m E")
         return columns
 
     def _path(self, vehicle_id: int, plan: PeerPlan) -> tuple[list[float], list[float]]:
@@ -191,19 +212,19 @@ _VEHICLE_COLUMNS = (
 )
 
 
-def estimate_columns(team: TeamState, bounds: MapBounds, robot: int | None) -> Columns:
+def estimate_columns(team: TeamState, bounds: MapBounds, chosen_by: int | str) -> Columns:
     """Targets' estimates with their 95 % ellipses.
 
     Args:
         team: The team.
         bounds: Which places can be drawn.
-        robot: Whose estimates; None takes each target's estimate of smallest entropy.
+        chosen_by: Whose estimates: a robot's system id, :data:`FUSED` or :data:`BEST`.
     """
     columns: Columns = {
         name: [] for name in ("x", "y", "width", "height", "angle", "label", "place", "spread", "source", "error")
     }
     for target in team.targets:
-        chosen = target.best if robot is None else next((e for e in target.estimates if e.robot == robot), None)
+        chosen = _chosen(target, chosen_by)
         if chosen is None or not bounds.plausible(chosen.north_m, chosen.east_m):
             continue
         ellipse = ellipse_95(chosen.covariance_m2) if chosen.covariance_m2 is not None else None
@@ -218,14 +239,29 @@ def estimate_columns(team: TeamState, bounds: MapBounds, robot: int | None) -> C
         columns["spread"].append(
             f"95 % within {number(0.5 * major, 2)} × {number(0.5 * minor, 2)} m, {number(chosen.entropy_nats, 2)} nats"
         )
-        columns["source"].append(f"vehicle {chosen.robot}, {age_text(team.time_s - chosen.time_s)}")
+        columns["source"].append(f"{_source_text(target, chosen)}, {age_text(team.time_s - chosen.time_s)}")
         columns["error"].append(_error_text(target, chosen))
     return columns
 
 
+def _chosen(target: TargetState, chosen_by: int | str) -> Estimate | None:
+    if chosen_by == BEST:
+        return target.best
+    if chosen_by == FUSED:
+        return fuse(target.estimates)
+    return next((estimate for estimate in target.estimates if estimate.robot == chosen_by), None)
+
+
+def _source_text(target: TargetState, estimate: Estimate) -> str:
+    if estimate.robot:
+        return f"vehicle {estimate.robot}"
+    robots = [str(one.robot) for one in target.estimates]
+    return f"vehicle{'s' * (len(robots) > 1)} {', '.join(robots)} fused"
+
+
 def _links(vehicles: Sequence[VehicleState]) -> Columns:
     """A segment for each pair of which one hears the other lately."""
-    columns: Columns = {name: [] for name in ("x0", "y0", "x1", "y1", "colour", "dash", "label")}
+    columns: Columns = {name: [] for name in ("x0", "y0", "x1", "y1", "colour", "width", "dash", "label")}
     for i, first in enumerate(vehicles):
         for second in vehicles[i + 1 :]:
             there = second.id in first.neighbours and not _quiet(first)
@@ -237,12 +273,20 @@ def _links(vehicles: Sequence[VehicleState]) -> Columns:
             columns["y0"].append(_millimetres(first.north_m))
             columns["x1"].append(_millimetres(second.east_m))
             columns["y1"].append(_millimetres(second.north_m))
-            columns["colour"].append(TWO_WAY if both else ONE_WAY)
+            losses = [_heard(first, second)] * there + [_heard(second, first)] * back
+            colour, width = link_style(max((loss for _, loss in losses if loss is not None), default=0.0))
+            columns["colour"].append(colour)
+            columns["width"].append(width)
             columns["dash"].append("solid" if both else "dashed")
-            hears, heard = (first.id, second.id) if there else (second.id, first.id)
-            text = f"{first.id} and {second.id} hear each other" if both else f"only {hears} hears {heard}"
-            columns["label"].append(text)
+            columns["label"].append(("" if both else "one way: ") + "; ".join(text for text, _ in losses))
     return columns
+
+
+def _heard(hearer: VehicleState, sender: VehicleState) -> tuple[str, float | None]:
+    """How one hears another, in words, and the share of frames lost."""
+    loss = hearer.peer_loss.get(sender.id)
+    lost = "loss unknown" if loss is None else f"{number(100.0 * loss, 0)} % lost"
+    return f"{hearer.id} hears {sender.id}, {lost}", loss
 
 
 def _quiet(vehicle: VehicleState) -> bool:

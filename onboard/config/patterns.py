@@ -7,7 +7,16 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-__all__ = ["PATTERN_MEANING", "AutopilotUrl", "FilePath", "ForwardUrl", "LinkUrl", "ListenUrl", "ProviderName", "ScenarioName"]
+__all__ = [
+    "PATTERN_MEANING",
+    "AutopilotUrl",
+    "FilePath",
+    "ForwardUrl",
+    "LinkUrl",
+    "ListenUrl",
+    "ProviderName",
+    "ScenarioName",
+]
 
 _NAME = r"^[A-Za-z0-9_.\-]+$"
 _PROVIDER = r"^[a-z_]+$"

@@ -10,12 +10,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from onboard.mapping.tile_frame import TILE_CELLS
 from onboard.planning.jit import entry_kernel, kernel
 
-__all__ = ["TILE_CELLS", "cells_in_view", "count_frontier", "list_frontier", "mark_seen", "merge_tile"]
-
-TILE_CELLS = 32
-"""Rows and columns of a tile."""
+__all__ = ["cells_in_view", "count_frontier", "list_frontier", "mark_seen", "merge_tile"]
 
 Mask = NDArray[np.bool_]
 Array = NDArray[np.float64]

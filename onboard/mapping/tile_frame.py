@@ -16,6 +16,8 @@ __all__ = ["MAX_CELLS", "MAX_CELL_MM", "MAX_TILE_INDEX", "TILE_BYTES", "TILE_CEL
 Array = NDArray[np.float64]
 
 TILE_CELLS = 32
+"""Rows and columns of a tile."""
+
 TILE_BYTES = TILE_CELLS * TILE_CELLS // 8
 MAX_CELLS = 4_000_000
 MAX_TILE_INDEX = 32767
@@ -67,8 +69,8 @@ class TileFrame:
         """Side of a cell as tiles say it, mm."""
         return round(self.cell_m * 1000.0)
 
-    def place_of(self, tile: ExploredTile) -> tuple[slice, slice]:
-        """Rows and columns of the cells that a tile speaks of.
+    def index_of(self, tile: ExploredTile) -> tuple[int, int]:
+        """Row and column of a tile among the tiles.
 
         Raises:
             MappingError: Another cell size, a wrong length, or a tile that is not of this area.
@@ -81,7 +83,7 @@ class TileFrame:
         rows, columns = self.inside.shape
         if not (0 <= i < rows // TILE_CELLS and 0 <= j < columns // TILE_CELLS):
             raise MappingError(f"explored tile ({tile.tile_north}, {tile.tile_east}) is outside the mission area")
-        return tile_slices(i, j)
+        return i, j
 
 
 def tile_slices(i: int, j: int) -> tuple[slice, slice]:

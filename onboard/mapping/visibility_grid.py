@@ -27,7 +27,6 @@ from onboard.estimation.sensor import RangeBearingSensor
 from onboard.geometry import Pose
 from onboard.mapping.errors import MappingError
 from onboard.mapping.grid_kernels import (
-    TILE_CELLS,
     cells_in_view,
     count_frontier,
     list_frontier,
@@ -35,7 +34,8 @@ from onboard.mapping.grid_kernels import (
     merge_tile,
 )
 from onboard.mapping.line_of_sight import visible_from, warm_line_of_sight
-from onboard.mapping.raster import blocked_mask, polygon_mask, reachable_mask
+from onboard.mapping.raster import blocked_mask, reachable_mask
+from onboard.mapping.tile_frame import TILE_CELLS, TileFrame, tile_slices
 from onboard.messages import ExploredTile
 from onboard.planning.problem import Obstacles
 
@@ -43,12 +43,8 @@ Array = NDArray[np.float64]
 
 __all__ = ["TILE_CELLS", "VisibilityGrid"]
 
-TILE_BYTES = TILE_CELLS * TILE_CELLS // 8
 RESEND_PERIOD = 16
 """Every tile is broadcast again once in so many calls of :meth:`VisibilityGrid.tiles`."""
-MAX_CELLS = 4_000_000
-MAX_TILE_INDEX = 32767
-MAX_CELL_MM = 65535
 
 
 class VisibilityGrid:
@@ -88,34 +84,23 @@ class VisibilityGrid:
             MappingError: The cells are too small or too large for the tile message or the area, or no cell's centre is
                 inside the fence.
         """
-        corners = np.asarray(fence, dtype=np.float64)
-        if not 1 <= round(cell_m * 1000.0) <= MAX_CELL_MM:
-            raise MappingError(f"cell_m = {cell_m}: a cell's side is between 0.001 and {MAX_CELL_MM / 1000} m")
         if forget_after_s is not None and forget_after_s <= 0.0:
             raise MappingError(f"forget_after_s = {forget_after_s}: must be positive, or None for never")
-        side_m = TILE_CELLS * cell_m
-        first = np.floor(corners.min(axis=0) / side_m + 1e-9).astype(np.int64)
-        count = np.ceil(corners.max(axis=0) / side_m - 1e-9).astype(np.int64) - first
-        if np.abs(first).max() > MAX_TILE_INDEX or np.abs(first + count).max() > MAX_TILE_INDEX:
-            raise MappingError(f"cell_m = {cell_m}: the fence is too far from the origin for tiles of {side_m:g} m")
-        if int(count.prod()) * TILE_CELLS**2 > MAX_CELLS:
-            raise MappingError(f"cell_m = {cell_m}: the fence has more than {MAX_CELLS} cells of this size")
+        self._frame = TileFrame(fence, cell_m)
         self.cell_m = cell_m
         self.forget_after_s = forget_after_s
-        self.origin = (float(first[0] * side_m), float(first[1] * side_m))
-        self._cell_mm = round(cell_m * 1000.0)
-        self._first_tile = (int(first[0]), int(first[1]))
-        shape = (int(count[0]) * TILE_CELLS, int(count[1]) * TILE_CELLS)
-        self._north_m: Array = self.origin[0] + cell_m * np.arange(0.5, shape[0])
-        self._east_m: Array = self.origin[1] + cell_m * np.arange(0.5, shape[1])
+        self.origin = self._frame.origin
+        self._north_m: Array = self._frame.north_m
+        self._east_m: Array = self._frame.east_m
         self._obstacles = obstacles if obstacles is not None and obstacles.blocked.any() else None
-        self.inside = polygon_mask(corners, self._north_m, self._east_m)
+        self.inside = self._frame.inside
         if self._obstacles is not None:
             self.inside &= self._free_cells(self._obstacles, reachable_from)
             warm_line_of_sight()
         self._inside_count = int(self.inside.sum())
         if self._inside_count == 0:
             raise MappingError(f"cell_m = {cell_m}: no cell's centre is inside the fence; take smaller cells")
+        shape = self.inside.shape
         self.explored = np.zeros(shape, dtype=np.bool_)
         self._unsent = np.zeros(shape, dtype=np.bool_)
         timed = shape if self._is_timed else (0, 0)
@@ -220,8 +205,8 @@ class VisibilityGrid:
             if again[i, j] and shared.any():
                 result.append(self._tile(i, j, shared))
             elif self._unsent_in[i, j]:
-                result.append(self._tile(i, j, self._unsent[_tile_slices(i, j)] if self._is_timed else shared))
-            self._unsent[_tile_slices(i, j)] = False
+                result.append(self._tile(i, j, self._unsent[tile_slices(i, j)] if self._is_timed else shared))
+            self._unsent[tile_slices(i, j)] = False
         self._unsent_in[:] = False
         self._calls += 1
         return result
@@ -260,14 +245,7 @@ class VisibilityGrid:
         Raises:
             MappingError: Another cell size, a wrong length, or a tile that is not of this area.
         """
-        if tile.cell_mm != self._cell_mm:
-            raise MappingError(f"explored tile with cells of {tile.cell_mm} mm; this team's have {self._cell_mm} mm")
-        if len(tile.explored) != TILE_BYTES:
-            raise MappingError(f"explored tile of {len(tile.explored)} bytes instead of {TILE_BYTES}")
-        i, j = tile.tile_north - self._first_tile[0], tile.tile_east - self._first_tile[1]
-        rows, columns = self.explored.shape
-        if not (0 <= i < rows // TILE_CELLS and 0 <= j < columns // TILE_CELLS):
-            raise MappingError(f"explored tile ({tile.tile_north}, {tile.tile_east}) is outside the mission area")
+        i, j = self._frame.index_of(tile)
         self._now_s = max(self._now_s, time_s)
         return merge_tile(
             np.frombuffer(tile.explored, dtype=np.uint8),
@@ -302,25 +280,18 @@ class VisibilityGrid:
 
     def _shared(self, i: int, j: int) -> NDArray[np.bool_]:
         """The cells of a tile that may be passed on."""
-        place = _tile_slices(i, j)
+        place = tile_slices(i, j)
         if self.forget_after_s is None:
             return self.explored[place]
         return self.explored[place] & (self._seen_by_self_s[place] > self._now_s - 0.5 * self.forget_after_s)
 
     def _tile(self, i: int, j: int, cells: NDArray[np.bool_]) -> ExploredTile:
         return ExploredTile(
-            tile_north=self._first_tile[0] + i,
-            tile_east=self._first_tile[1] + j,
-            cell_mm=self._cell_mm,
+            tile_north=self._frame.first_tile[0] + i,
+            tile_east=self._frame.first_tile[1] + j,
+            cell_mm=self._frame.cell_mm,
             explored=np.packbits(cells, axis=1, bitorder="little").tobytes(),
         )
-
-
-def _tile_slices(i: int, j: int) -> tuple[slice, slice]:
-    return (
-        slice(i * TILE_CELLS, (i + 1) * TILE_CELLS),
-        slice(j * TILE_CELLS, (j + 1) * TILE_CELLS),
-    )
 
 
 def _count_by_tile(cells: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -6388,6 +6388,7 @@ MAVLINK_MSG_ID_EXPLORED_TILE = 54103
 MAVLINK_MSG_ID_PLANNER_STATUS = 54104
 MAVLINK_MSG_ID_TARGET_TRUTH = 54105
 MAVLINK_MSG_ID_VEHICLE_TRUTH = 54106
+MAVLINK_MSG_ID_ARVI_LANDMARKS = 54107
 MAVLINK_MSG_ID_SYS_STATUS = 1
 MAVLINK_MSG_ID_SYSTEM_TIME = 2
 MAVLINK_MSG_ID_PING = 4
@@ -6792,22 +6793,22 @@ class MAVLink_planner_status_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_PLANNER_STATUS
     msgname = "PLANNER_STATUS"
-    fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home"]
-    ordered_fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home"]
-    fieldtypes = ["uint64_t", "uint64_t", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
+    fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home", "neighbour_loss"]
+    ordered_fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home", "neighbour_loss"]
+    fieldtypes = ["uint64_t", "uint64_t", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {"state": "ARVI_FLIGHT_STATE"}
-    fieldunits_by_name: Dict[str, str] = {"time_usec": "us", "mission_start_usec": "us", "north": "m", "east": "m", "down": "m", "yaw": "rad", "tracking_error": "m", "plan_age": "s", "setpoint_gap_max": "s", "peer_bytes_sent": "bytes", "peer_bytes_received": "bytes"}
-    native_format = bytearray(b"<QQfffffffIIIIIIIBBBBBBB")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 32, 1, 1, 1, 1, 1, 1]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 32, 0, 0, 0, 0, 0, 0]
+    fieldunits_by_name: Dict[str, str] = {"time_usec": "us", "mission_start_usec": "us", "north": "m", "east": "m", "down": "m", "yaw": "rad", "tracking_error": "m", "plan_age": "s", "setpoint_gap_max": "s", "peer_bytes_sent": "bytes", "peer_bytes_received": "bytes", "neighbour_loss": "%"}
+    native_format = bytearray(b"<QQfffffffIIIIIIIBBBBBBBB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 32, 1, 1, 1, 1, 1, 1, 32]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 32, 0, 0, 0, 0, 0, 0, 32]
     crc_extra = 34
-    unpacker = struct.Struct("<QQfffffffIIIIIII32BBBBBBB")
+    unpacker = struct.Struct("<QQfffffffIIIIIII32BBBBBBB32B")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int):
+    def __init__(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)):
         MAVLink_message.__init__(self, MAVLink_planner_status_message.id, MAVLink_planner_status_message.msgname)
         self._fieldnames = MAVLink_planner_status_message.fieldnames
         self._instance_field = MAVLink_planner_status_message.instance_field
@@ -6835,9 +6836,10 @@ class MAVLink_planner_status_message(MAVLink_message):
         self.targets = targets
         self.landmarks = landmarks
         self.over_home = over_home
+        self.neighbour_loss = neighbour_loss
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_usec, self.mission_start_usec, self.north, self.east, self.down, self.yaw, self.tracking_error, self.plan_age, self.setpoint_gap_max, self.setpoints, self.plans, self.deadline_misses, self.peer_bytes_sent, self.peer_bytes_received, self.detections, self.rejected, self.neighbours[0], self.neighbours[1], self.neighbours[2], self.neighbours[3], self.neighbours[4], self.neighbours[5], self.neighbours[6], self.neighbours[7], self.neighbours[8], self.neighbours[9], self.neighbours[10], self.neighbours[11], self.neighbours[12], self.neighbours[13], self.neighbours[14], self.neighbours[15], self.neighbours[16], self.neighbours[17], self.neighbours[18], self.neighbours[19], self.neighbours[20], self.neighbours[21], self.neighbours[22], self.neighbours[23], self.neighbours[24], self.neighbours[25], self.neighbours[26], self.neighbours[27], self.neighbours[28], self.neighbours[29], self.neighbours[30], self.neighbours[31], self.state, self.group_size, self.group_order, self.targets, self.landmarks, self.over_home), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_usec, self.mission_start_usec, self.north, self.east, self.down, self.yaw, self.tracking_error, self.plan_age, self.setpoint_gap_max, self.setpoints, self.plans, self.deadline_misses, self.peer_bytes_sent, self.peer_bytes_received, self.detections, self.rejected, self.neighbours[0], self.neighbours[1], self.neighbours[2], self.neighbours[3], self.neighbours[4], self.neighbours[5], self.neighbours[6], self.neighbours[7], self.neighbours[8], self.neighbours[9], self.neighbours[10], self.neighbours[11], self.neighbours[12], self.neighbours[13], self.neighbours[14], self.neighbours[15], self.neighbours[16], self.neighbours[17], self.neighbours[18], self.neighbours[19], self.neighbours[20], self.neighbours[21], self.neighbours[22], self.neighbours[23], self.neighbours[24], self.neighbours[25], self.neighbours[26], self.neighbours[27], self.neighbours[28], self.neighbours[29], self.neighbours[30], self.neighbours[31], self.state, self.group_size, self.group_order, self.targets, self.landmarks, self.over_home, self.neighbour_loss[0], self.neighbour_loss[1], self.neighbour_loss[2], self.neighbour_loss[3], self.neighbour_loss[4], self.neighbour_loss[5], self.neighbour_loss[6], self.neighbour_loss[7], self.neighbour_loss[8], self.neighbour_loss[9], self.neighbour_loss[10], self.neighbour_loss[11], self.neighbour_loss[12], self.neighbour_loss[13], self.neighbour_loss[14], self.neighbour_loss[15], self.neighbour_loss[16], self.neighbour_loss[17], self.neighbour_loss[18], self.neighbour_loss[19], self.neighbour_loss[20], self.neighbour_loss[21], self.neighbour_loss[22], self.neighbour_loss[23], self.neighbour_loss[24], self.neighbour_loss[25], self.neighbour_loss[26], self.neighbour_loss[27], self.neighbour_loss[28], self.neighbour_loss[29], self.neighbour_loss[30], self.neighbour_loss[31]), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -6938,6 +6940,47 @@ class MAVLink_vehicle_truth_message(MAVLink_message):
 # Define name on the class for backwards compatibility (it is now msgname).
 # Done with setattr to hide the class variable from mypy.
 setattr(MAVLink_vehicle_truth_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_arvi_landmarks_message(MAVLink_message):
+    """
+    A robot's exploration landmarks, for whoever watches.
+    """
+
+    id = MAVLINK_MSG_ID_ARVI_LANDMARKS
+    msgname = "ARVI_LANDMARKS"
+    fieldnames = ["time_usec", "north", "east", "count"]
+    ordered_fieldnames = ["time_usec", "north", "east", "count"]
+    fieldtypes = ["uint64_t", "float", "float", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"time_usec": "us", "north": "m", "east": "m"}
+    native_format = bytearray(b"<QffB")
+    orders = [0, 1, 2, 3]
+    lengths = [1, 24, 24, 1]
+    array_lengths = [0, 24, 24, 0]
+    crc_extra = 36
+    unpacker = struct.Struct("<Q24f24fB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, time_usec: int, north: Sequence[float], east: Sequence[float], count: int):
+        MAVLink_message.__init__(self, MAVLink_arvi_landmarks_message.id, MAVLink_arvi_landmarks_message.msgname)
+        self._fieldnames = MAVLink_arvi_landmarks_message.fieldnames
+        self._instance_field = MAVLink_arvi_landmarks_message.instance_field
+        self._instance_offset = MAVLink_arvi_landmarks_message.instance_offset
+        self.time_usec = time_usec
+        self.north = north
+        self.east = east
+        self.count = count
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_usec, self.north[0], self.north[1], self.north[2], self.north[3], self.north[4], self.north[5], self.north[6], self.north[7], self.north[8], self.north[9], self.north[10], self.north[11], self.north[12], self.north[13], self.north[14], self.north[15], self.north[16], self.north[17], self.north[18], self.north[19], self.north[20], self.north[21], self.north[22], self.north[23], self.east[0], self.east[1], self.east[2], self.east[3], self.east[4], self.east[5], self.east[6], self.east[7], self.east[8], self.east[9], self.east[10], self.east[11], self.east[12], self.east[13], self.east[14], self.east[15], self.east[16], self.east[17], self.east[18], self.east[19], self.east[20], self.east[21], self.east[22], self.east[23], self.count), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_arvi_landmarks_message, "name", mavlink_msg_deprecated_name_property())
 
 
 class MAVLink_sys_status_message(MAVLink_message):
@@ -17020,6 +17063,7 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_PLANNER_STATUS: MAVLink_planner_status_message,
     MAVLINK_MSG_ID_TARGET_TRUTH: MAVLink_target_truth_message,
     MAVLINK_MSG_ID_VEHICLE_TRUTH: MAVLink_vehicle_truth_message,
+    MAVLINK_MSG_ID_ARVI_LANDMARKS: MAVLink_arvi_landmarks_message,
     MAVLINK_MSG_ID_SYS_STATUS: MAVLink_sys_status_message,
     MAVLINK_MSG_ID_SYSTEM_TIME: MAVLink_system_time_message,
     MAVLINK_MSG_ID_PING: MAVLink_ping_message,
@@ -17762,7 +17806,7 @@ class MAVLink(object):
         """
         self.send(self.explored_tile_encode(tile_north, tile_east, cell, explored), force_mavlink1=force_mavlink1)
 
-    def planner_status_encode(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int) -> MAVLink_planner_status_message:
+    def planner_status_encode(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)) -> MAVLink_planner_status_message:
         """
         An onboard process's state, broadcast to peers and ground once a step.
 
@@ -17789,11 +17833,12 @@ class MAVLink(object):
         targets                   : Targets known. (type:uint8_t)
         landmarks                 : Exploration landmarks in the last plan. (type:uint8_t)
         over_home                 : 1 if above its home at its layer, or on the ground. (type:uint8_t)
+        neighbour_loss            : Frames of each neighbour, in the order of neighbours, that were lost in the last seconds; 255 if unknown. [%] (type:uint8_t)
 
         """
-        return MAVLink_planner_status_message(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home)
+        return MAVLink_planner_status_message(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home, neighbour_loss)
 
-    def planner_status_send(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, force_mavlink1: bool = False) -> None:
+    def planner_status_send(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0), force_mavlink1: bool = False) -> None:
         """
         An onboard process's state, broadcast to peers and ground once a step.
 
@@ -17820,9 +17865,10 @@ class MAVLink(object):
         targets                   : Targets known. (type:uint8_t)
         landmarks                 : Exploration landmarks in the last plan. (type:uint8_t)
         over_home                 : 1 if above its home at its layer, or on the ground. (type:uint8_t)
+        neighbour_loss            : Frames of each neighbour, in the order of neighbours, that were lost in the last seconds; 255 if unknown. [%] (type:uint8_t)
 
         """
-        self.send(self.planner_status_encode(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home), force_mavlink1=force_mavlink1)
+        self.send(self.planner_status_encode(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home, neighbour_loss), force_mavlink1=force_mavlink1)
 
     def target_truth_encode(self, time_usec: int, north: float, east: float, velocity_north: float, velocity_east: float, target_id: int) -> MAVLink_target_truth_message:
         """
@@ -17897,6 +17943,30 @@ class MAVLink(object):
 
         """
         self.send(self.vehicle_truth_encode(time_usec, north, east, down, velocity_north, velocity_east, velocity_down, yaw, min_separation, setpoint_gap_max, setpoint_time, setpoints, vehicle), force_mavlink1=force_mavlink1)
+
+    def arvi_landmarks_encode(self, time_usec: int, north: Sequence[float], east: Sequence[float], count: int) -> MAVLink_arvi_landmarks_message:
+        """
+        A robot's exploration landmarks, for whoever watches.
+
+        time_usec                 : UNIX time of the step that they are of. [us] (type:uint64_t)
+        north                     : Mission frame; those beyond the count are zero. [m] (type:float)
+        east                      : Mission frame; those beyond the count are zero. [m] (type:float)
+        count                     : Number of landmarks given; a robot with more gives the first. (type:uint8_t)
+
+        """
+        return MAVLink_arvi_landmarks_message(time_usec, north, east, count)
+
+    def arvi_landmarks_send(self, time_usec: int, north: Sequence[float], east: Sequence[float], count: int, force_mavlink1: bool = False) -> None:
+        """
+        A robot's exploration landmarks, for whoever watches.
+
+        time_usec                 : UNIX time of the step that they are of. [us] (type:uint64_t)
+        north                     : Mission frame; those beyond the count are zero. [m] (type:float)
+        east                      : Mission frame; those beyond the count are zero. [m] (type:float)
+        count                     : Number of landmarks given; a robot with more gives the first. (type:uint8_t)
+
+        """
+        self.send(self.arvi_landmarks_encode(time_usec, north, east, count), force_mavlink1=force_mavlink1)
 
     def sys_status_encode(self, onboard_control_sensors_present: int, onboard_control_sensors_enabled: int, onboard_control_sensors_health: int, load: int, voltage_battery: int, current_battery: int, battery_remaining: int, drop_rate_comm: int, errors_comm: int, errors_count1: int, errors_count2: int, errors_count3: int, errors_count4: int, onboard_control_sensors_present_extended: int = 0, onboard_control_sensors_enabled_extended: int = 0, onboard_control_sensors_health_extended: int = 0) -> MAVLink_sys_status_message:
         """

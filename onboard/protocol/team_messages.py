@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,13 @@ __all__ = [
     "MessageError",
     "encode_belief",
     "encode_detection",
+    "encode_landmarks",
     "encode_plan",
     "encode_tile",
     "primitives_checksum",
     "read_belief",
     "read_detection",
+    "read_landmarks",
     "read_plan",
     "read_status",
     "read_tile",
@@ -38,6 +40,7 @@ __all__ = [
 _MODELS = (TargetModel.DOUBLE_INTEGRATOR, TargetModel.RANDOM_WALK, TargetModel.STATIC)
 _GRID_TOLERANCE = 0.02
 MAX_CONTROLS = 64
+MAX_LANDMARKS = 24
 
 
 class MessageError(OnboardError):
@@ -186,6 +189,28 @@ def encode_tile(tile: ExploredTile) -> mavlink.MAVLink_explored_tile_message:
 def read_tile(message: mavlink.MAVLink_explored_tile_message) -> ExploredTile:
     """The tile in an ``EXPLORED_TILE``."""
     return ExploredTile(message.tile_north, message.tile_east, message.cell, bytes(message.explored))
+
+
+def encode_landmarks(time_s: float, places: Iterable[tuple[float, float]]) -> mavlink.MAVLink_arvi_landmarks_message:
+    """``ARVI_LANDMARKS`` of places, north m and east m, at a step's UNIX time; the first 24 of them."""
+    given = list(places)[:MAX_LANDMARKS]
+    spare = [0.0] * (MAX_LANDMARKS - len(given))
+    north_m, east_m = [*(north for north, _ in given), *spare], [*(east for _, east in given), *spare]
+    return mavlink.MAVLink_arvi_landmarks_message(usec(time_s), north_m, east_m, len(given))
+
+
+def read_landmarks(message: mavlink.MAVLink_arvi_landmarks_message) -> tuple[tuple[float, float], ...]:
+    """North m and east m of the landmarks in an ``ARVI_LANDMARKS``.
+
+    Raises:
+        MessageError: More than it has room for, or a place that is not finite.
+    """
+    if message.count > MAX_LANDMARKS:
+        raise MessageError(f"ARVI_LANDMARKS.count = {message.count}; there is room for {MAX_LANDMARKS}")
+    places = tuple(zip(message.north[: message.count], message.east[: message.count], strict=True))
+    if not all(math.isfinite(value) for place in places for value in place):
+        raise MessageError("ARVI_LANDMARKS has a place that is not finite")
+    return places
 
 
 def read_status(message: mavlink.MAVLink_planner_status_message) -> PeerStatus:

@@ -78,6 +78,7 @@ def status() -> Callable[..., mavlink.MAVLink_message]:
             "targets": 0,
             "landmarks": 0,
             "over_home": 1,
+            "neighbour_loss": [255] * 32,
         }
         return mavlink.MAVLink_planner_status_message(round(time_s * 1e6), **(fields | changes))
 

@@ -29,6 +29,7 @@ class FakeTeam:
         self.monitor = TeamMonitor(scenario)
         self.dead: set[int] = set()
         self.places: dict[int, tuple[float, float]] = {}
+        self.losses: dict[tuple[int, int], int] = {}
         self._receiver = Codec(255, 190)
         self._checksum = primitives_checksum(scenario.primitive_set)
 
@@ -52,6 +53,7 @@ class FakeTeam:
             status = mavlink.MAVLink_planner_status_message(
                 usec, round(T0 * 1e6), *place, -1.5, 0.5, 0.1, 0.4, 0.02, 100, 9, 0, 0, 0, 5, 0,
                 [*others, *[0] * (32 - len(others))], FlightState.TRACK, len(ids), i, targets, 0, 0,
+                [self.losses.get((vehicle, other), 255) for other in others] + [255] * (32 - len(others)),
             )  # fmt: skip
             self.say(vehicle, ONBOARD, status, now_s)
             plan = mavlink.MAVLink_arvi_plan_message(
@@ -79,6 +81,8 @@ class FakeTeam:
             self.say(ids[0], ONBOARD, belief, now_s)
             truth = mavlink.MAVLink_target_truth_message(usec, target % 10, target % 10 + 0.5, 0.0, 0.0, target)
             self.say(250, AUTOPILOT, truth, now_s)
+        marks = [[3.0, *[0.0] * 23], [7.0, *[0.0] * 23]]
+        self.say(ids[0], ONBOARD, mavlink.MAVLink_arvi_landmarks_message(usec, *marks, 1), now_s)
         self.say(ids[0], ONBOARD, mavlink.MAVLink_explored_tile_message(0, 0, 250, [255] * 128), now_s)
 
 

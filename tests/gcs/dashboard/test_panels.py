@@ -9,7 +9,9 @@ from gcs.dashboard.board import Moment
 from gcs.dashboard.view import MapBounds
 from gcs.operator_desk import Action, CommandRecord, Outcome, Way, refusal_reason
 from gcs.team import Event
+from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec
 
 T0 = 1.5e9
 
@@ -28,7 +30,7 @@ def test_a_vehicles_row(fake_team, bounds):
     html = panels.vehicle_table(fake_team.monitor.state(T0 + 0.2), bounds)
     assert cells(html, 2) == [
         *("2", "TRACK", "OFFBOARD", "armed", "–", "1.50", "1.00", "0.4", "0.10, 0.20, 64", "4 321", "0", "1 3"),
-        *("0.2 / 0.2", ""),
+        *("–", "0.2 / 0.2", ""),
     ]
     assert "silent" not in html
 
@@ -49,6 +51,19 @@ def test_a_process_known_to_be_gone_is_red_at_once(fake_team, bounds):
 def test_nothing_heard_is_dashes_not_zeros(scenario, make_team, bounds):
     row = cells(panels.vehicle_table(make_team(scenario).monitor.state(T0), bounds), 1)
     assert row[1:10] == ["not heard", *["–"] * 8]
+
+
+def test_lost_doubled_and_late_frames_are_shown_as_such(fake_team, bounds, scenario):
+    frame = bytearray(Codec(1, 191).encode(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)))
+    for number in (1, 2, 2, 5, 4):  # 2 comes twice, 3 is lost, 4 is overtaken
+        frame[4] = number
+        fake_team.monitor.sequence(bytes(frame), (1, 191), T0)
+    assert cells(panels.vehicle_table(fake_team.monitor.state(T0), bounds), 1)[12] == "20&nbsp;% ×1"
+    late = mavlink.MAVLink_planner_status_message(
+        round((T0 - 2.5) * 1e6), 0, *[0.0] * 7, *[0] * 7, [0] * 32, FlightState.TRACK, 1, 0, 0, 0, 0, [255] * 32
+    )
+    fake_team.say(1, 191, late, T0)
+    assert "late&nbsp;2.5&nbsp;s" in cells(panels.vehicle_table(fake_team.monitor.state(T0), bounds), 1)[12]
 
 
 def test_many_neighbours_are_counted(scenario, make_team, bounds):

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from gcs.dashboard.palette import ONE_WAY, TWO_WAY
-from gcs.dashboard.view import MapBounds, MapView, estimate_columns
+from gcs.dashboard.palette import ALARM, ESTIMATE, TWO_WAY
+from gcs.dashboard.view import BEST, FUSED, MapBounds, MapView, estimate_columns
 from onboard.protocol import dialect as mavlink
 
 T0 = 1.5e9
@@ -43,7 +43,7 @@ def test_plans_begin_where_they_start_and_say_what_they_cost(fake_team, view):
 
 def test_estimates_best_and_by_robot(fake_team, view):
     team = fake_team.monitor.state(T0 + 0.5)
-    best = estimate_columns(team, view.bounds, None)
+    best = estimate_columns(team, view.bounds, BEST)
     assert (best["x"], best["y"], best["label"]) == ([1.0, 2.0], [1.0, 2.0], ["1", "2"])
     scale = 2 * math.sqrt(-2 * math.log(0.05))
     assert best["width"][0] == pytest.approx(0.2 * scale, abs=1e-3)
@@ -54,18 +54,41 @@ def test_estimates_best_and_by_robot(fake_team, view):
     assert estimate_columns(team, view.bounds, 2)["label"] == []
 
 
-def test_links_of_those_who_hear_each_other_and_of_one_who_hears(fake_team, view):
-    links = view.layers(fake_team.monitor.state(T0)).links
-    assert links["colour"] == [TWO_WAY] * 3
-    fake_team.dead.add(3)
+def test_fused_estimates_name_their_robots(fake_team, view):
+    usec = round(T0 * 1e6)
+    fake_team.say(
+        2,
+        191,
+        mavlink.MAVLink_target_belief_message(usec, [100.0, 25.0, 0, 0], [100.0, 0, 25.0, *[0] * 7], 1, 1, 0),
+        T0,
+    )
+    fused = estimate_columns(fake_team.monitor.state(T0), view.bounds, FUSED)
+    # Mean information diag(62.5, 62.5), at the mean of two estimates of (1, 1).
+    assert (fused["x"][0], fused["y"][0]) == (1.0, 1.0)
+    assert fused["width"][0] == fused["height"][0] == pytest.approx(2 * math.sqrt(5.991 / 62.5), abs=1e-3)
+    assert [source.split(",")[0] for source in fused["source"]] == ["vehicles 1", "vehicle 1 fused"]
+    assert "vehicles 1, 2 fused" in fused["source"][0]
+
+
+def test_links_are_coloured_by_the_worse_loss_and_dashed_one_way(fake_team, view):
+    fake_team.losses = {(1, 2): 1, (2, 1): 6, (1, 3): 30}
     for second in range(1, 6):
+        if second > 1:
+            fake_team.dead.add(3)
         fake_team.speak(T0 + second)
     links = view.layers(fake_team.monitor.state(T0 + 5.0)).links
-    assert dict(zip(links["label"], links["colour"], strict=True)) == {
-        "1 and 2 hear each other": TWO_WAY,
-        "only 1 hears 3": ONE_WAY,
-        "only 2 hears 3": ONE_WAY,
-    }
+    assert list(zip(links["label"], links["colour"], links["dash"], strict=True)) == [
+        ("1 hears 2, 1 % lost; 2 hears 1, 6 % lost", ESTIMATE, "solid"),
+        ("one way: 1 hears 3, 30 % lost", ALARM, "dashed"),
+        ("one way: 2 hears 3, loss unknown", TWO_WAY, "dashed"),
+    ]
+    assert links["width"] == [2.5, 3.5, 1.5], "who cannot tell the colours has the width"
+
+
+def test_landmarks_are_their_robots_and_go_when_it_is_silent(fake_team, view):
+    marks = view.layers(fake_team.monitor.state(T0)).landmarks
+    assert (marks["x"], marks["y"], marks["label"]) == ([7.0], [3.0], ["1"])
+    assert view.layers(fake_team.monitor.state(T0 + 9.0)).landmarks["x"] == []
 
 
 @pytest.mark.parametrize("place", [(math.nan, 1.0), (1e9, 1.0), (1.0, -math.inf), (3e38, 3e38)])
@@ -82,7 +105,7 @@ def test_an_absurd_belief_is_said_and_not_drawn(fake_team, view):
     far = mavlink.MAVLink_target_belief_message(round(T0 * 1e6), [1e9, 0, 0, 0], [1.0, 0, 1.0, *[0.0] * 7], 2, 1, 0)
     fake_team.say(1, 191, far, T0)
     team = fake_team.monitor.state(T0)
-    assert estimate_columns(team, view.bounds, None)["label"] == ["1"]
+    assert estimate_columns(team, view.bounds, BEST)["label"] == ["1"]
     assert view.layers(team).notices == ("estimates of targets 2 are far outside the area: not drawn",)
 
 

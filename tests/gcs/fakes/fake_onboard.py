@@ -44,7 +44,7 @@ class Onboard:
         height = 1.0 if self.state in (FlightState.TAKEOFF, FlightState.TRACK) else 0.0
         status = mavlink.MAVLink_planner_status_message(
             round(now * 1e6), round(self.start_s * 1e6), 1.0, 2.0, -height, 0.0, 0.1, 0.2, 0.02,
-            round((now % 1000) * 50), 3, 0, 1000, 1000, 0, 0, [0] * 32, self.state, 1, 0, 1, 0, 1,
+            round((now % 1000) * 50), 3, 0, 1000, 1000, 0, 0, [0] * 32, self.state, 1, 0, 1, 0, 1, [255] * 32,
         )  # fmt: skip
         self.ground.send(self.codec.encode(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)))
         self.ground.send(self.codec.encode(status))

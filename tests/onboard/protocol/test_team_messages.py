@@ -116,6 +116,19 @@ def test_a_detection_and_a_tile_survive_the_wire() -> None:
     assert team.read_tile(wire(team.encode_tile(tile))) == tile  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("count", [0, 1, 24, 30])
+def test_landmarks_survive_the_wire_as_far_as_there_is_room(count: int) -> None:
+    places = [(0.5 * i, -0.25 * i) for i in range(count)]
+    message = team.encode_landmarks(1_790_000_000.5, places)
+    assert team.read_landmarks(wire(message)) == tuple(places[:24])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("count", "north"), [(25, 0.0), (1, math.nan), (2, math.inf)])
+def test_absurd_landmarks_are_refused(count: int, north: float) -> None:
+    with pytest.raises(team.MessageError, match="ARVI_LANDMARKS"):
+        team.read_landmarks(mavlink.MAVLink_arvi_landmarks_message(1, [north] * 24, [0.0] * 24, count))
+
+
 @pytest.mark.parametrize(("distance", "bearing"), [(-1.0, 0.0), (math.nan, 0.0), (1.0, math.nan), (1.0, 7.0)])
 def test_an_absurd_detection_is_refused(distance: float, bearing: float) -> None:
     with pytest.raises(team.MessageError, match="TARGET_DETECTION"):
@@ -124,7 +137,13 @@ def test_an_absurd_detection_is_refused(distance: float, bearing: float) -> None
 
 def status(**changes: object) -> mavlink.MAVLink_message:
     values: dict[str, object] = dict.fromkeys(mavlink.MAVLink_planner_status_message.fieldnames, 0)
-    values |= {"neighbours": [3, 1] + [0] * 30, "mission_start_usec": 1_790_000_000_000_000, "state": 5, "down": -1.5}
+    values |= {
+        "neighbours": [3, 1] + [0] * 30,
+        "neighbour_loss": [255] * 32,
+        "mission_start_usec": 1_790_000_000_000_000,
+        "state": 5,
+        "down": -1.5,
+    }
     return wire(mavlink.MAVLink_planner_status_message(**(values | changes)))  # type: ignore[arg-type]
 
 
