@@ -10,7 +10,10 @@ import asyncio
 import contextlib
 import importlib.util
 import json
+import os
+import shutil
 import sys
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable
@@ -168,6 +171,7 @@ class FleetProcess:
         self._client = FleetClient()
         self._process: asyncio.subprocess.Process | None = None
         self._task: asyncio.Task[None] | None = None
+        self._folder: str | None = None
 
     def start(self) -> None:
         """Start the worker, in the running event loop."""
@@ -176,16 +180,20 @@ class FleetProcess:
                 "MAVSDK is not installed: orders go to the autopilots directly over MAVLink (pip install mavsdk)"
             )
             return
+        # MAVSDK leaves folders behind in the temporary folder: it gets one of its own, which goes with it.
+        self._folder = tempfile.mkdtemp(prefix="arvi-mavsdk-")
         self._task = asyncio.get_running_loop().create_task(self._keep_running(), name="fleet")
 
-    def stop(self) -> None:
-        """End the worker; does not wait for it."""
+    async def stop(self) -> None:
+        """End the worker, and wait for it to be gone."""
         if self._task is not None:
             self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
             self._task = None
-        if self._process is not None:
-            with contextlib.suppress(ProcessLookupError):
-                self._process.kill()
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = None
 
     def reaches(self, vehicle: int) -> bool:
         """Whether MAVSDK is connected to a vehicle."""
@@ -214,7 +222,6 @@ class FleetProcess:
                 reason = await self._run_once()
             except OSError as error:
                 reason = error.strerror or str(error)
-            self._process = None
             self.outcomes.extend(self._client.worker_ended())
             failures = failures + 1 if self._clock() - began < _RESTART_S[-1] else 1
             wait_s = _RESTART_S[min(failures, len(_RESTART_S)) - 1]
@@ -226,8 +233,9 @@ class FleetProcess:
     async def _run_once(self) -> str:
         """One life of the worker; why it ended."""
         pipe = asyncio.subprocess.PIPE
+        environment = {**os.environ, **({"TMPDIR": self._folder} if self._folder is not None else {})}
         process = await asyncio.create_subprocess_exec(
-            *leashed(self._program), stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True
+            *leashed(self._program), stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True, env=environment
         )
         self._process = process
         assert process.stdout is not None
@@ -242,10 +250,12 @@ class FleetProcess:
             code = await process.wait()
             await log
         finally:
-            log.cancel()
             if process.returncode is None:
                 with contextlib.suppress(ProcessLookupError):
                     process.kill()
+                await process.wait()
+            log.cancel()
+            self._process = None
         if code < 0:
             return f"killed by signal {-code}"
         return f"exit code {code}{': ' if last_words else ''}{last_words[-1] if last_words else ''}"

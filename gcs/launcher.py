@@ -245,7 +245,7 @@ class _Flight:
                 self._supervisor.kill()
             await self._supervisor.stop(_STOP_GRACE_S)
         finally:
-            self._station.close()
+            await self._station.close()
             if self._recorder is not None:
                 self._recorder.close()
                 for warning in self._recorder.take_warnings():

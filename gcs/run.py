@@ -182,4 +182,4 @@ async def _watch(station: GroundStation, display: Display, opened: Callable[[], 
         with stop.listening():
             return await run_session(station, display, stop, time.time)
     finally:
-        station.close()
+        await station.close()

@@ -101,10 +101,10 @@ class GroundStation:
             self._fleet = FleetProcess(self.switchboard.share_port, self._mavsdk_identity, self._tell_fleet)
             self._fleet.start()
 
-    def close(self) -> None:
-        """Stop listening."""
+    async def close(self) -> None:
+        """Stop listening, and end MAVSDK."""
         if self._fleet is not None:
-            self._fleet.stop()
+            await self._fleet.stop()
             self._fleet = None
         self.switchboard.close()
 

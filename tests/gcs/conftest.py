@@ -1,4 +1,3 @@
-import asyncio
 import json
 import socket
 from collections.abc import Callable
@@ -12,11 +11,13 @@ from gcs import summary
 from gcs.mission import MissionDirector
 from gcs.recording.display import RecordedDisplay
 from gcs.recording.recorder import Recorder, record_flight
+from gcs.router import TEAM
 from gcs.station import GroundStation
 from gcs.team import Event, TeamState
 from onboard.config import Scenario, load_scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
+from onboard.protocol.link_url import LinkUrl
 from sim_bridge.virtual_team import VirtualTeam
 
 LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
@@ -143,6 +144,8 @@ class Flown:
 class FakeLink:
     """The ground station's socket: what it sends reaches the virtual team at once."""
 
+    url = LinkUrl("udpin", "127.0.0.1", 14550)
+
     def __init__(self, team: VirtualTeam) -> None:
         self._team = team
         self._codec = Codec(1, 1)
@@ -168,19 +171,17 @@ class Watching:
         self.events.append(event)
 
 
-def fly_virtually(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Flown:
+def fly_virtually(folder: Path) -> Flown:
     scenario = load_scenario(LAB)
     team = VirtualTeam(scenario, seed=3, plan_nodes=80)
     director = MissionDirector(scenario.mission.step_s, scenario.mission.takeoff_time_s, MISSION_S)
     recorder: Recorder = record_flight(folder, LAB, scenario, {"scenario": "lab", "seed": 3}, 100)
     station = GroundStation(scenario, director=director, recorder=recorder, clock=lambda: team.time_s)
 
-    async def open_link(url: str, receive_from: object) -> FakeLink:
-        return FakeLink(team)
-
-    monkeypatch.setattr("gcs.station.open_datagram_link", open_link)
-    asyncio.run(station.open())
-    team.on_ground_message = lambda heard: station.receive(bytes(heard.message.get_msgbuf()), ("virtual", 1))
+    station.switchboard.attach(TEAM, FakeLink(team))
+    team.on_ground_message = lambda heard: station.switchboard.receive(
+        TEAM, bytes(heard.message.get_msgbuf()), ("virtual", 1)
+    )
     watching = Watching()
     display = RecordedDisplay(watching, recorder)
     while not director.over:
@@ -205,5 +206,4 @@ def fly_virtually(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Flown:
 
 @pytest.fixture(scope="session")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        return fly_virtually(tmp_path_factory.mktemp("flight"), monkeypatch)
+    return fly_virtually(tmp_path_factory.mktemp("flight"))

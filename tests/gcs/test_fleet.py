@@ -87,5 +87,4 @@ async def test_a_worker_that_dies_is_told_and_started_again():
         assert "exit code 1: it broke" in told[0]
         await until(lambda: fleet.reaches(1))
     finally:
-        fleet.stop()
-        await asyncio.sleep(0.1)  # its pipes close
+        await fleet.stop()

@@ -210,7 +210,7 @@ async def test_a_second_station_on_the_same_port_is_told_so(own_ports):
         with pytest.raises(TransportError, match="in use"):
             await second.open()
     finally:
-        first.close()
+        await first.close()
 
 
 def test_an_operators_order_goes_out_and_its_end_is_recorded(station, remotes, stand_by, clock):

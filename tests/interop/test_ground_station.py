@@ -69,8 +69,7 @@ async def station_of(config, **options):
         ticking.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await ticking
-        station.close()
-        await asyncio.sleep(0.2)  # the worker's pipes close
+        await station.close()
 
 
 async def until(condition, limit_s=PATIENCE_S):
