@@ -72,7 +72,7 @@ def _seed(flight: FlightSeries) -> str:
     return "–" if seed is None else str(seed)
 
 
-def _over_time(column: str, label: str) -> Callable[[Sequence[FlightSeries], Sequence[str]], Figure]:
+def _over_time(column: str, label: str, **style: Any) -> Callable[[Sequence[FlightSeries], Sequence[str]], Figure]:
     def draw(flights: Sequence[FlightSeries], names: Sequence[str]) -> Figure:
         figure, axes = _axes("time since step 0, s", label)
         for i, (flight, name) in enumerate(zip(flights, names, strict=True)):
@@ -80,7 +80,7 @@ def _over_time(column: str, label: str) -> Callable[[Sequence[FlightSeries], Seq
             inside = times >= 0.0
             if flight.landing_s is not None:
                 inside &= times <= flight.landing_s
-            axes.plot(times[inside], values[inside], label=name, **_style(i))
+            axes.plot(times[inside], values[inside], label=name, **_style(i), **style)
         return _finished(figure, axes)
 
     return draw
@@ -90,7 +90,7 @@ def _planning(flights: Sequence[FlightSeries], names: Sequence[str]) -> Figure:
     return _distribution(
         flights,
         names,
-        "planning time over budget, %",
+        "planning time, % of its budget",
         lambda flight: [
             100 * plan.planning_time_s / plan.budget_s
             for series in flight.vehicles.values()
@@ -145,7 +145,7 @@ def _style(index: int) -> dict[str, Any]:
 
 
 _FIGURES: dict[str, tuple[Callable[[Sequence[FlightSeries], Sequence[str]], Figure], str]] = {
-    "discovery": (_over_time("discovered", "targets found"), "Targets found over the mission."),
+    "discovery": (_over_time("discovered", "targets found", drawstyle="steps-post"), "Targets found over the mission."),
     "entropy": (
         _over_time("entropy_nats", "entropy per target, nats"),
         "Mean over the targets known and their robots.",

@@ -11,10 +11,18 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from mcap.reader import make_reader
+from pymavlink import mavutil
+
+from gcs.recording.reader import open_recording
+from gcs.recording.replay import Replay
+from onboard.protocol import dialect as mavlink
 
 pytestmark = pytest.mark.system
 
@@ -128,6 +136,40 @@ def test_the_team_finds_all_targets_and_lands(start: Callable[..., Team], tmp_pa
         assert 0.0 < vehicle["planning_time_p99_s"] <= 0.6
         assert 0.0 < vehicle["peer_bytes_per_s"] < 5000.0
     assert summary["cpu_cores"] <= 2.0
+    (folder,) = (tmp_path / "flights").iterdir()
+    check_recording(folder, summary)
+
+
+def check_recording(folder: Path, summary: dict[str, Any]) -> None:
+    """The recording, opened by readers that nobody here wrote and by replay, says what the live summary says."""
+    plan, last = f"UNKNOWN_{mavlink.MAVLINK_MSG_ID_ARVI_PLAN}", {}
+    for vehicle in summary["vehicles"]:
+        log = mavutil.mavlink_connection(str(folder / f"vehicle{vehicle['id']}_onboard.tlog"))
+        kinds: Counter[str] = Counter()
+        while (message := log.recv_match()) is not None:
+            kinds[message.get_type()] += 1
+        log.close()
+        assert kinds["BAD_DATA"] == 0
+        assert kinds[plan] == pytest.approx(vehicle["plans"], abs=2)
+        assert kinds["HEARTBEAT"] >= 60
+    with (folder / "flight.mcap").open("rb") as file:
+        reader = make_reader(file)
+        counts = reader.get_summary().statistics.channel_message_counts
+        for _, channel, message in reader.iter_messages():
+            counts[channel.id] -= 1
+            last[channel.topic] = json.loads(message.data)
+    assert set(counts.values()) == {0}
+    assert last["/team"]["discovered"] == summary["discovered"]
+    assert last["/team"]["rmse_mean_m"] == pytest.approx(summary["rmse_m"], abs=2e-3)
+    assert last["/team"]["entropy_mean_nats"] == pytest.approx(summary["entropy_nats"], abs=2e-3)
+    for vehicle in summary["vehicles"]:
+        assert last[f"/vehicle_{vehicle['id']}"]["plans"] == vehicle["plans"]
+    replay = Replay(open_recording(folder))
+    replay.go(replay.ticks)
+    state = replay.state()
+    assert state.discovered == summary["discovered"]
+    assert state.figures.rmse_m == pytest.approx(summary["rmse_m"], abs=2e-3)
+    assert state.figures.entropy_nats == pytest.approx(summary["entropy_nats"], abs=2e-3)
 
 
 def test_a_killed_onboard_process_harms_only_itself_and_ctrl_c_lands_the_others(start: Callable[..., Team]) -> None:
