@@ -95,6 +95,9 @@ def open_recording(folder: Path) -> Recording:
     """
     if not folder.is_dir():
         raise GroundError(f"{folder}: no such folder; `arvi fly` prints the folder that it records to")
+    inside = sorted(folder.glob("*/scenario.yaml"), key=lambda path: path.stat().st_mtime)
+    if inside and not (folder / "scenario.yaml").exists():
+        raise GroundError(f"{folder}: is no recording, but holds {len(inside)}; the latest is {inside[-1].parent}")
     try:
         scenario = load_scenario(folder / "scenario.yaml")
     except ConfigError as error:

@@ -1,5 +1,6 @@
 """Replay: the ground's state at any time is what it was in flight, whichever way one gets there."""
 
+import os
 import shutil
 from dataclasses import replace
 
@@ -177,3 +178,12 @@ def test_what_is_no_recording_is_refused_with_a_reason(present, words, flown, tm
             shutil.copy(flown.folder / name, folder)
     with pytest.raises(GroundError, match=words):
         open_recording(folder)
+
+
+def test_a_folder_of_recordings_names_the_latest(flown, tmp_path):
+    for age, name in enumerate(("new", "old")):
+        (tmp_path / name).mkdir()
+        shutil.copy(flown.folder / "scenario.yaml", tmp_path / name)
+        os.utime(tmp_path / name / "scenario.yaml", (1e9 - age, 1e9 - age))
+    with pytest.raises(GroundError, match=r"is no recording, but holds 2; the latest is .*/new$"):
+        open_recording(tmp_path)
