@@ -1,4 +1,4 @@
-"""Generate ``dialect.py`` from ``arvi.xml`` with pymavlink's generator, or check that the two agree.
+"""Generate ``dialect.py`` and the tables of ``docs/protocol.md`` from ``arvi.xml``, or check that they agree.
 
 Run ``python -m onboard.protocol.generate [--check]`` (``make generate``, ``make check``).
 """
@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pymavlink
 from pymavlink.generator import mavgen
+
+from onboard.protocol.document import PAGE, document
 
 __all__ = ["GENERATOR_VERSION", "generate", "main"]
 
@@ -51,15 +53,18 @@ def generate() -> str:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the module, or with ``--check`` say whether it is up to date; the exit code."""
-    text = generate()
-    if "--check" not in arguments:
-        _MODULE.write_text(text, encoding="utf-8")
-        return 0
-    if not _MODULE.exists() or _MODULE.read_text(encoding="utf-8") != text:
-        sys.stderr.write(f"{_MODULE} does not agree with {_XML.name}; run: make generate\n")
-        return 1
-    return 0
+    """Write module and page, or with ``--check`` say whether they are up to date; the exit code."""
+    check = "--check" in arguments
+    wanted = {_MODULE: generate()}
+    if PAGE.exists():  # not where only the packages are installed
+        wanted[PAGE] = document(PAGE.read_text(encoding="utf-8"))
+    outdated = [path for path, text in wanted.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    for path in outdated:
+        if check:
+            sys.stderr.write(f"{path} does not agree with {_XML.name}; run: make generate\n")
+        else:
+            path.write_text(wanted[path], encoding="utf-8")
+    return 1 if check and outdated else 0
 
 
 if __name__ == "__main__":

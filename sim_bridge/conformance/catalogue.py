@@ -269,7 +269,7 @@ class Entry(_Data):
         state: What has to be so before.
         link: Which link it is about.
         dangerous: Whether it may crash a real autopilot.
-        since: What releases from this one on do instead, e.g. ``"1.16"``.
+        since: What releases from this one on do instead, e.g. ``"1.16"``; nothing where it is no longer so.
         unlike: Why the simulated autopilot differs, if it does.
         steps: What is done and expected, in this order.
     """

@@ -184,11 +184,14 @@ class Session:
             yield from self._pilot.reach(entry.state)
         except StateNotReachedError as error:
             return Result(entry, Outcome.SKIPPED, f"state {entry.state} not reached: {error}")
+        steps = entry.steps_for(dialogue.release)
+        if not steps:
+            return Result(entry, Outcome.SKIPPED, "not so in this release")
         dialogue.forget()
         performance = Performance(dialogue, self.catalogue, self._keeper, self._pilot.anchor, self.plan.latency_s)
         result = Result(entry, Outcome.HOLDS)
         try:
-            yield from performance.perform(entry.steps_for(dialogue.release))
+            yield from performance.perform(steps)
         except DifferenceError as difference:
             result = replace(result, outcome=Outcome.DIFFERS, reason=str(difference))
         dialogue.end_stream()
