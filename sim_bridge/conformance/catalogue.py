@@ -187,7 +187,10 @@ class Keeps(_Data):
 
 
 class Motion(_Data):
-    """Expect a motion, averaged over the last while: velocities in m/s, places in m relative to the entry's start."""
+    """Expect a motion, averaged over the last while: velocities in m/s, yaw rad, yaw rate rad/s.
+
+    Places are in m: ``north`` and so on relative to the entry's start, ``at_north`` to the place held by streaming.
+    """
 
     vn: Range | None = None
     ve: Range | None = None
@@ -195,6 +198,9 @@ class Motion(_Data):
     north: Range | None = None
     east: Range | None = None
     down: Range | None = None
+    at_north: Range | None = None
+    at_east: Range | None = None
+    at_down: Range | None = None
     yaw: Range | None = None
     yaw_rate: Range | None = None
 

@@ -29,8 +29,7 @@ _HOLD_S = 25.0
 _HEARTBEAT_S = 2.5
 _ACK_S = 2.0
 _STALE_S = 1.0
-_HOLD_RADIUS_M = 0.8
-_HOLD_SPEED_M_S = 0.4
+_SETTLE_S = 1.2
 _HOLD_YAW_RAD = 0.3
 _POSITION_AND_YAW = 0x9F8
 _ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
@@ -70,6 +69,9 @@ class Pilot:
             return
         yield from self._ask_for_messages()
         if state is State.UNREADY:
+            if not self.dialogue.armed and self.dialogue.custom_mode != self.base_mode:
+                yield from self._set_mode(self.base_mode)
+                yield from self.dialogue.sleep(_SETTLE_S)  # what is ready depends on the mode
             if self.dialogue.ready or self.dialogue.armed:
                 raise StateNotReachedError("it is ready already; start the autopilot anew to see this")
             return
@@ -96,6 +98,9 @@ class Pilot:
 
     _RATES_HZ: ClassVar[Mapping[int, float]] = {}
     """What has to be asked for, since it is not sent by itself."""
+
+    _HOLD: ClassVar[tuple[float, float]]
+    """How near to a place, m, and how slow, m/s, it is held: what the recorded vehicle managed."""
 
     def _set_mode(self, custom_mode: int) -> Script[bool]:
         raise NotImplementedError
@@ -196,8 +201,9 @@ class Pilot:
         if mean is None:
             return False
         position, velocity, yaw_rad, _ = mean
-        near = math.dist(position, self.anchor) < _HOLD_RADIUS_M
-        return near and math.hypot(*velocity) < _HOLD_SPEED_M_S and abs(yaw_rad) < _HOLD_YAW_RAD
+        radius_m, speed_m_s = self._HOLD
+        near = math.dist(position, self.anchor) < radius_m
+        return near and math.hypot(*velocity) < speed_m_s and abs(yaw_rad) < _HOLD_YAW_RAD
 
 
 class Px4Pilot(Pilot):
@@ -205,6 +211,7 @@ class Px4Pilot(Pilot):
 
     __slots__ = ()
 
+    _HOLD = (0.6, 0.35)
     _OFFBOARD = 6 << 16
     _TAKEOFF = 4 << 16 | 2 << 24
 
@@ -236,6 +243,7 @@ class ArduPilotPilot(Pilot):
 
     __slots__ = ()
 
+    _HOLD = (0.2, 0.1)
     _RATES_HZ = {  # noqa: RUF012 - typed where it is declared
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 25.0,
         mavlink.MAVLINK_MSG_ID_ATTITUDE: 25.0,

@@ -45,7 +45,7 @@ _PATIENCE_S = 2.0
 Judge = Callable[[Any], str | None]
 """How a message of the right kind differs from what is wanted; None if it does not."""
 
-_MOTION_FIELDS = ("vn", "ve", "vd", "north", "east", "down", "yaw", "yaw_rate")
+_MOTION_FIELDS = ("vn", "ve", "vd", "north", "east", "down", "at_north", "at_east", "at_down", "yaw", "yaw_rate")
 
 
 class DifferenceError(Exception):
@@ -253,8 +253,10 @@ class Performance:
         if mean is None:
             raise DifferenceError("no LOCAL_POSITION_NED lately")
         position, velocity, yaw_rad, yaw_rate_rad_s = mean
-        place = [now - then for now, then in zip(position, self.start, strict=True)]
-        actual = dict(zip(_MOTION_FIELDS, (*velocity, *place, yaw_rad, yaw_rate_rad_s), strict=True))
+        moved = [now - then for now, then in zip(position, self.start, strict=True)]
+        place = [now - there for now, there in zip(position, self.anchor, strict=True)]
+        values = (*velocity, *moved, *place, yaw_rad, yaw_rate_rad_s)
+        actual = dict(zip(_MOTION_FIELDS, values, strict=True))
         for name, wanted in motion:
             if wanted is None:
                 continue
