@@ -122,6 +122,7 @@ class Dialogue:
         heartbeat: The autopilot's last heartbeat.
         ready: SYS_STATUS's pre-arm health bit; None before the first.
         landed: From EXTENDED_SYS_STATE; None before the first.
+        said: The autopilot's last warning, from STATUSTEXT.
         release: Major and minor version, from AUTOPILOT_VERSION; None before the first.
         last_s: When a message of each id last came, s.
         heartbeat_s: When that came, s.
@@ -138,6 +139,7 @@ class Dialogue:
     heartbeat_s: float = -math.inf
     ready: bool | None = None
     landed: bool | None = None
+    said: str = ""
     release: tuple[int, int] | None = None
     last_s: dict[int, float] = field(default_factory=dict)
     _streamed: tuple[float, int] = (-math.inf, 0)
@@ -164,6 +166,8 @@ class Dialogue:
                 self.heartbeat, self.heartbeat_s = message, time_s
             case mavlink.MAVLink_sys_status_message():
                 self.ready = bool(message.onboard_control_sensors_health & _PREARM)
+            case mavlink.MAVLink_statustext_message() if message.severity <= mavlink.MAV_SEVERITY_WARNING:
+                self.said = message.text
             case mavlink.MAVLink_extended_sys_state_message():
                 self.landed = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
             case mavlink.MAVLink_attitude_message():

@@ -136,15 +136,18 @@ class Pilot:
         dialogue = self.dialogue
         if dialogue.armed:
             yield from self._down()
-        if dialogue.custom_mode != self.base_mode:
-            yield from self._set_mode(self.base_mode)
-        patience_s = self._patience_s
-        ready = yield from dialogue.wait(
-            lambda: bool(dialogue.ready) and self._shows(self.base_mode, armed=False), patience_s
-        )
-        self._patience_s = _READY_S if ready else _READY_AGAIN_S
-        if not ready:
-            raise StateNotReachedError(f"not ready to arm within {patience_s:g} s")
+        give_up_s = dialogue.time_s + self._patience_s
+        while not dialogue.ready or not self._shows(self.base_mode, armed=False):
+            if dialogue.time_s >= give_up_s:
+                said = f"; it said: {dialogue.said}" if dialogue.said else ""
+                patience_s, self._patience_s = self._patience_s, _READY_AGAIN_S
+                raise StateNotReachedError(f"not ready to arm within {patience_s:g} s{said}")
+            if dialogue.custom_mode != self.base_mode:
+                yield from self._set_mode(self.base_mode)
+                yield from dialogue.sleep(_SETTLE_S)  # what is ready depends on the mode
+            else:
+                yield from dialogue.wait(lambda: bool(dialogue.ready), _SETTLE_S)
+        self._patience_s = _READY_S
 
     def _down(self) -> Script[None]:
         dialogue = self.dialogue
@@ -257,7 +260,7 @@ class ArduPilotPilot(Pilot):
 
     def _take_off(self) -> Script[None]:
         dialogue = self.dialogue
-        target_m = self.anchor[2]
+        target_m = dialogue.position[2] - TAKEOFF_HEIGHT_M  # above home, which is where it was armed
         if not (yield from self._accepted(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, TAKEOFF_HEIGHT_M)):
             raise StateNotReachedError("takeoff is refused")
         if not (yield from dialogue.wait(lambda: abs(dialogue.position[2] - target_m) < 0.15, _TAKEOFF_S)):
