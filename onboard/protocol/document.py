@@ -159,7 +159,7 @@ def _enum(enum: ET.Element) -> Iterator[str]:
     kind = " Bits, any of them." if enum.attrib.get("bitmask") else ""
     yield f"#### {enum.attrib['name']}"
     yield ""
-    yield f"{_text(enum.find('description'))}{kind}"
+    yield f"{_text(enum.find('description')) or 'More entries of the enumeration in common.xml.'}{kind}"
     yield ""
     yield "| value | name | meaning |"
     yield "| --- | --- | --- |"

@@ -13,15 +13,7 @@ from sim_bridge.autopilot import INDOOR_PARAMETERS
 pytest.importorskip("mavsdk")
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync, ActionError, ActionResult
-from mavsdk.asyncio.plugins.mocap import (
-    AngularVelocityBody,
-    Covariance,
-    MocapAsync,
-    Odometry,
-    PositionBody,
-    Quaternion,
-    SpeedBody,
-)
+from mavsdk.asyncio.plugins.mocap import AngleBody, Covariance, MocapAsync, PositionBody, VisionPositionEstimate
 from mavsdk.asyncio.plugins.offboard import OffboardAsync, VelocityNedYaw
 from mavsdk.asyncio.plugins.param import ParamAsync, ParamError
 from mavsdk.asyncio.plugins.telemetry import FlightMode, LandedState, TelemetryAsync
@@ -135,23 +127,18 @@ async def test_px4_flies_on_the_clients_motion_capture(simulation):
     vehicle = autopilot.vehicle
     async with connected(fleet) as (_, system):
         action, mocap, telemetry = ActionAsync(system), MocapAsync(system), TelemetryAsync(system)
-        health = await until(telemetry.subscribe_health(), lambda _: True)
-        assert not health.is_local_position_ok
-        unknown = Covariance([math.nan])
+        with pytest.raises(ActionError):
+            await action.arm()
 
         async def capture():
             while True:
-                half_yaw = 0.5 * vehicle.yaw_rad
-                await mocap.set_odometry(
-                    Odometry(
+                await mocap.set_vision_position_estimate(
+                    VisionPositionEstimate(
                         0,
-                        Odometry.MavFrame.LOCAL_FRD,
                         PositionBody(vehicle.north_m, vehicle.east_m, vehicle.down_m),
-                        Quaternion(math.cos(half_yaw), 0.0, 0.0, math.sin(half_yaw)),
-                        SpeedBody(0.0, 0.0, 0.0),
-                        AngularVelocityBody(0.0, 0.0, 0.0),
-                        unknown,
-                        unknown,
+                        AngleBody(0.0, 0.0, vehicle.yaw_rad),
+                        Covariance([math.nan]),
+                        0,
                     )
                 )
                 await asyncio.sleep(0.02)
@@ -181,7 +168,7 @@ async def test_several_vehicles_share_one_port(simulation):
         async with asyncio.timeout(PATIENCE_S):
             while await mavsdk.system_count() < 3:
                 await asyncio.sleep(0.1)
-        systems = {system.system_id(): system for system in await mavsdk.get_systems()}
+        systems = {await system.get_system_id(): system for system in await mavsdk.get_systems()}
         assert sorted(systems) == [1, 2, 3]
         for number, system in systems.items():
             place = await until(
@@ -198,6 +185,7 @@ async def test_several_vehicles_share_one_port(simulation):
 
 async def test_ardupilot_takes_off_flies_guided_and_lands(simulation):
     fleet = simulation()
+    pytest.importorskip("sim_bridge.autopilot.ardupilot")
     autopilot = fleet.add(firmware="ardupilot")
     async with connected(fleet) as (_, system):
         vehicle = autopilot.vehicle
@@ -231,6 +219,7 @@ async def armed_when_ready(action):
 
 async def test_ardupilot_parameters_by_value(simulation):
     fleet = simulation()
+    pytest.importorskip("sim_bridge.autopilot.ardupilot")
     autopilot = fleet.add(firmware="ardupilot")
     async with connected(fleet) as (_, system):
         params = ParamAsync(system)
