@@ -63,6 +63,7 @@ USES: Mapping[str, Use] = {
     ),
     "PLANNER_STATUS": Use("onboard", "onboard of neighbours (peers), ground station (ground)", "each step τ"),
     "TARGET_TRUTH": Use("sim_bridge", "ground station (ground)", "10 Hz, one a target"),
+    "ARVI_LANDMARKS": Use("onboard", "ground station (ground)", "every other step"),
     "VEHICLE_TRUTH": Use("sim_bridge", "ground station (ground)", "10 Hz, one a vehicle"),
 }
 
