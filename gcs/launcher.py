@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import math
 import resource
+import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from gcs.mission import MissionDirector, Phase
 from gcs.operator_desk import OperatorDesk
 from gcs.ports import check_free, needed_ports
 from gcs.preflight import check_simulation
+from gcs.process_faults import BRIDGE, Order, ProcessFaults
 from gcs.recording.display import RecordedDisplay
 from gcs.recording.recorder import DEFAULT_LIMIT_MB, Recorder, record_flight
 from gcs.session import Display, StopRequests, run_session
@@ -36,7 +39,6 @@ _EXTERNAL_READY_PATIENCE_S = 150.0
 """Real autopilots take half a minute and more until their estimators have settled."""
 _STOP_GRACE_S = 2.5
 _WARM_UP_QUIET_S = 1.5
-_BRIDGE = "bridge"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +166,7 @@ class _Flight:
         self._station = GroundStation(options.scenario, director=self._director, recorder=self._recorder, desk=desk)
         self._supervisor = Supervisor(folder, self._child_ended)
         self._launched_s = 0.0
+        self._faults = ProcessFaults((), {}, 0.0)
         external = any(vehicle.external is not None for vehicle in options.scenario.vehicles)
         self._patience_s = _EXTERNAL_READY_PATIENCE_S if external else _READY_PATIENCE_S
 
@@ -176,7 +179,8 @@ class _Flight:
         try:
             await self._station.open()
             await self._launch()
-            reason = await run_session(self._station, self._display, self._stop, time.time, self._cannot_go_on)
+            async with self._injected_faults():
+                reason = await run_session(self._station, self._display, self._stop, time.time, self._cannot_go_on)
             if reason is not None:
                 self._problem(reason)
             cpu_by_name = {"ground": time.process_time() - own_cpu, **self._supervisor.cpu_times_s()}
@@ -235,9 +239,42 @@ class _Flight:
 
     async def _launch(self) -> None:
         self._launched_s = time.monotonic()
-        await self._supervisor.start(_BRIDGE, self._programs.bridge)
-        for name, vehicle_id in self._names.items():
-            await self._supervisor.start(name, self._programs.onboard(vehicle_id))
+        for name in (BRIDGE, *self._names):
+            await self._supervisor.start(name, self._program(name))
+
+    @asynccontextmanager
+    async def _injected_faults(self) -> AsyncIterator[None]:
+        """Let the processes fail as the scenario says; afterwards all that live go on."""
+        simulation = self._options.scenario.simulation
+        script = simulation.faults if simulation is not None else ()
+        self._faults = ProcessFaults(script, self._names, time.time())
+        injecting = asyncio.create_task(self._inject()) if self._faults.needed else None
+        try:
+            yield
+        finally:
+            if injecting is not None:
+                injecting.cancel()
+                await asyncio.gather(injecting, return_exceptions=True)
+                for name in self._supervisor.running():
+                    self._supervisor.send(name, signal.SIGCONT)
+
+    async def _inject(self) -> None:
+        faults = self._faults
+        while True:
+            now = time.time()
+            if faults.schedule.takeoff_s is None and any(v.flew for v in self._station.team.state(now).vehicles):
+                faults.schedule.take_off(now)
+            for change in faults.schedule.changes(now):
+                self._say(mavlink.MAV_SEVERITY_NOTICE, change.text)
+            for action in faults.due(now):
+                if action.order is Order.START:
+                    await self._supervisor.start(action.process, self._program(action.process))
+                else:
+                    self._supervisor.send(action.process, action.order.value)
+            await asyncio.sleep(faults.wait_s(now))
+
+    def _program(self, name: str) -> list[str]:
+        return self._programs.bridge if name == BRIDGE else self._programs.onboard(self._names[name])
 
     async def _stop_all(self) -> None:
         try:
@@ -256,6 +293,9 @@ class _Flight:
         if child.expected or child.name == "warmup":
             return
         vehicle_id = self._names.get(child.name)
+        if vehicle_id is not None and self._faults.killed(child.name):
+            self._station.team.onboard_ended(vehicle_id)
+            return
         if vehicle_id is None:
             self._bridge_ended = True
             self._problem(f"the bridge ended: {child.reason}", child.last_lines)

@@ -121,6 +121,12 @@ class Supervisor:
         self.kill()
         await self._all_ended(None)
 
+    def send(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to a child that lives; what comes of it is not expected."""
+        if name in self.running():
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._children[name].pid, number)
+
     def kill(self) -> None:
         """End all children at once (SIGKILL)."""
         self._signal_all(signal.SIGKILL)

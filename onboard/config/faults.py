@@ -208,7 +208,9 @@ VOCABULARY: Mapping[tuple[Component, FaultType], Effect] = MappingProxyType(
         (_C.PROCESS, _T.SLOW): Effect(
             "the onboard process gets little processor time", Place.LAUNCHER, {"share": _SHARE}
         ),
-        (_C.BRIDGE, _T.OFF): Effect("the bridge's process is killed (SIGKILL)", Place.LAUNCHER),
+        (_C.BRIDGE, _T.OFF): Effect(
+            "the bridge's process is killed (SIGKILL), and with it all that it simulates", Place.LAUNCHER
+        ),
         (_C.BRIDGE, _T.STUCK): Effect(
             "the bridge's process is stopped (SIGSTOP), and continued when the fault ends", Place.LAUNCHER
         ),
