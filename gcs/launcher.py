@@ -30,6 +30,7 @@ from gcs.supervisor import ChildExit, Supervisor, tail
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
 from onboard.messages import FlightState
+from onboard.planning.warmup import warm_filter_and_map
 from onboard.protocol import dialect as mavlink
 
 __all__ = ["FlightOptions", "FlightResult", "Programs", "fly"]
@@ -235,7 +236,9 @@ class _Flight:
         if returncode != 0:
             log = self._supervisor.log_folder / "warmup.log"
             self._problem(f"the planner's kernels cannot be compiled (exit code {returncode})", tail(log))
-        return returncode == 0
+            return False
+        warm_filter_and_map()  # here, too: the team's first map tile must not keep the ground from listening
+        return True
 
     async def _launch(self) -> None:
         self._launched_s = time.monotonic()

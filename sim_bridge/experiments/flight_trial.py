@@ -15,7 +15,7 @@ from onboard.estimation.track import Track
 from onboard.messages import FlightState, PeerPlan
 from onboard.protocol import dialect as mavlink
 from sim_bridge.errors import BridgeError
-from sim_bridge.experiments.records import StepColumns, TrialResult, TrialTask, peak_memory_bytes
+from sim_bridge.experiments.records import PeakMemory, StepColumns, TrialResult, TrialTask
 from sim_bridge.lockstep.figures_of_merit import figures_of_merit
 from sim_bridge.virtual_team import VirtualTeam
 
@@ -37,6 +37,7 @@ def run_flight_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _:
     Raises:
         BridgeError: The team did not get ready, or into the air in time.
     """
+    memory = PeakMemory()
     begun_s, begun_cpu_s = time.perf_counter(), time.thread_time()
     scenario = task.setting.simulated_scenario("experiment")
     nodes = task.setting.world.budget.nodes or 1
@@ -73,7 +74,7 @@ def run_flight_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _:
         [],
         wall_s=time.perf_counter() - begun_s,
         cpu_s=time.thread_time() - begun_cpu_s,
-        peak_memory_bytes=peak_memory_bytes(),
+        peak_memory_bytes=memory.bytes_now(),
     )
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import traceback
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -17,7 +19,6 @@ __all__ = [
     "TrialKey",
     "TrialResult",
     "TrialTask",
-    "peak_memory_bytes",
     "trial_seed",
 ]
 
@@ -85,7 +86,7 @@ class TrialResult:
             three depend on the machine.
         wall_s: Of the whole trial, s.
         cpu_s: Processor time that it took, s; also where others use the machine.
-        peak_memory_bytes: Of the worker's process so far; 0 where that cannot be known.
+        peak_memory_bytes: Of its process while it ran; see :class:`PeakMemory`.
     """
 
     key: TrialKey
@@ -147,10 +148,25 @@ def trial_seed(seed: int, trial: int) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(trial,)).generate_state(1, np.uint32)[0])
 
 
-def peak_memory_bytes() -> int:
-    """Of this process so far; 0 where that cannot be known."""
-    try:
-        import resource  # noqa: PLC0415 - not on every system
-    except ImportError:
-        return 0
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+class PeakMemory:
+    """The largest resident memory of this process from here on, bytes.
+
+    Linux lets a process reset its high-water mark (proc(5): ``clear_refs``, ``VmHWM``). Elsewhere the mark is that of
+    the process so far, which other trials in it may have set; 0 where there is none.
+    """
+
+    def __init__(self) -> None:
+        with contextlib.suppress(OSError):
+            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+    def bytes_now(self) -> int:
+        """The mark."""
+        with contextlib.suppress(OSError):
+            for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+                if line.startswith("VmHWM:"):
+                    return int(line.split()[1]) * 1024
+        try:
+            import resource  # noqa: PLC0415 - not on every system
+        except ImportError:
+            return 0
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -9,7 +9,7 @@ import numpy as np
 
 from onboard.planning.pluggable import STATELESS, PathPlanner, PlannerSetup, load_planner
 from sim_bridge.experiments.flight_trial import run_flight_trial
-from sim_bridge.experiments.records import StepColumns, TrialResult, TrialTask, peak_memory_bytes
+from sim_bridge.experiments.records import PeakMemory, StepColumns, TrialResult, TrialTask
 from sim_bridge.experiments.schema import Setting
 from sim_bridge.lockstep.world import LockstepWorld
 from sim_bridge.seeding import Stream
@@ -57,6 +57,7 @@ def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) 
     """
     if task.setting.harness == "flight_stack":
         return run_flight_trial(task, on_step)
+    memory = PeakMemory()
     begun_s, begun_cpu_s = time.perf_counter(), time.thread_time()
     world = build_world(task.setting, task.seed)
     columns = StepColumns()
@@ -90,5 +91,5 @@ def run_trial(task: TrialTask, on_step: Callable[[int], None] = lambda _: None) 
         planning_s,
         wall_s=time.perf_counter() - begun_s,
         cpu_s=time.thread_time() - begun_cpu_s,
-        peak_memory_bytes=peak_memory_bytes(),
+        peak_memory_bytes=memory.bytes_now(),
     )
