@@ -23,7 +23,7 @@ from sim_bridge.detector import Detector
 from sim_bridge.errors import require_simulation
 from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.mocap.bodies import Frame, RigidBodies
-from sim_bridge.mocap.pose import odometry
+from sim_bridge.mocap.pose import MocapPose, odometry
 from sim_bridge.mocap.simulated import MotionCapture
 from sim_bridge.mocap.watch import Watch
 from sim_bridge.notices import Notice
@@ -138,6 +138,7 @@ class Bridge:
         self._detections = faults.detections
         self._poses = faults.poses
         self._watches = dict(watches or {})
+        self._handed_on_s: dict[int, float] = {}
         self._truth_tick = self._truth_tick_at(pacer.time_s)
         self._outbox: list[Outgoing] = []
         self._notices: list[Notice] = []
@@ -244,7 +245,18 @@ class Bridge:
             watch = self._watches.get(pose.vehicle_id)
             if watch is not None:
                 watch.receive(pose, time_s)
-            self.world.external[pose.vehicle_id].receive_mocap(pose)
+            if self._is_wanted(pose):
+                self.world.external[pose.vehicle_id].receive_mocap(pose)
+
+    def _is_wanted(self, pose: MocapPose) -> bool:
+        """Whether an autopilot wants this pose, too: real systems may be faster than autopilots need."""
+        if self._bodies is None:
+            return True
+        elapsed_s = pose.time_s - self._handed_on_s.get(pose.vehicle_id, -math.inf)
+        if 0.0 <= elapsed_s < self._bodies.min_interval_s:
+            return False
+        self._handed_on_s[pose.vehicle_id] = pose.time_s
+        return True
 
     def _look_after(self, time_s: float) -> None:
         """What happens ten times a second: faults on their script, what is wrong and who is missing."""

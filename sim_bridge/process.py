@@ -22,6 +22,7 @@ from onboard.realtime import make_this_thread_urgent
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.bridge import Bridge, Port, build_bridge
 from sim_bridge.errors import BridgeError, require_simulation
+from sim_bridge.mocap.library import LibraryReader
 from sim_bridge.ports import Address, BridgePorts, find_ports
 
 __all__ = ["BridgeProcess", "run_bridge"]
@@ -231,6 +232,10 @@ async def _serve(scenario: Scenario, seed: int | None) -> int:
     gc.collect()
     gc.freeze()
     started_s, cpu_s = time.monotonic(), _cpu_s()
+    reader = None
+    if scenario.mocap is not None:
+        mocap = LibraryReader(scenario.mocap, lambda frame: bridge.receive_frame(frame, time.time()), bridge.tell)
+        reader = asyncio.ensure_future(mocap.run())
     try:
         process.start()
         vehicles = ", ".join(str(vehicle.id) for vehicle in scenario.vehicles)
@@ -239,6 +244,9 @@ async def _serve(scenario: Scenario, seed: int | None) -> int:
         )
         await stop.wait()
     finally:
+        if reader is not None:
+            reader.cancel()
+            await asyncio.wait([reader])
         process.close()
     for failure in failures:
         if isinstance(failure, BaseException):

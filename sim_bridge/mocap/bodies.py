@@ -43,10 +43,13 @@ class RigidBodies:
 
     Attributes:
         unknown: Names of bodies that were seen and are no vehicle's.
+        min_interval_s: Between two poses that an autopilot wants, s.
     """
 
     def __init__(self, config: RealMocapConfig) -> None:
         self.unknown: set[str] = set()
+        # A frame that comes a little early is still the one that is due.
+        self.min_interval_s = 1.0 / config.send_rate_hz - 0.5 / config.rate_hz
         self._config = config
         yaw = math.radians(config.yaw_deg)
         turn = np.array([[math.cos(yaw), -math.sin(yaw), 0.0], [math.sin(yaw), math.cos(yaw), 0.0], [0.0, 0.0, 1.0]])

@@ -65,6 +65,7 @@ class Watch:
 
     def receive(self, pose: MocapPose, time_s: float) -> None:
         """A pose has arrived at a UNIX time (s)."""
+        self._set(Trouble.SILENT, False, time_s)
         last = self._last
         if last is None or pose.position != last.position or pose.attitude != last.attitude:
             self._changed_s = time_s
@@ -85,7 +86,7 @@ class Watch:
         if self._last is None:
             return
         silent = time_s - self._last_s > self._silence_s
-        self._set(Trouble.SILENT, silent, time_s)
+        self._set(Trouble.SILENT, silent, time_s, since_s=self._last_s)
         if silent:
             return
         self._set(Trouble.FROZEN, self._noisy and time_s - self._changed_s > _FROZEN_S, time_s)
@@ -105,12 +106,14 @@ class Watch:
         taken, self._notices = self._notices, []
         return taken
 
-    def _set(self, trouble: Trouble, present: bool, time_s: float, detail: str = "") -> None:
-        since_s = self._since.get(trouble)
-        if present and since_s is None:
-            self._since[trouble] = time_s
+    def _set(
+        self, trouble: Trouble, present: bool, time_s: float, detail: str = "", *, since_s: float | None = None
+    ) -> None:
+        began_s = self._since.get(trouble)
+        if present and began_s is None:
+            self._since[trouble] = time_s if since_s is None else since_s
             self._notices.append(Notice(f"{self._name} is {trouble.value}{detail}", mavlink.MAV_SEVERITY_WARNING))
-        elif not present and since_s is not None:
+        elif not present and began_s is not None:
             del self._since[trouble]
-            text = f"{self._name} is no longer {trouble.value}, after {time_s - since_s:.1f} s"
+            text = f"{self._name} is no longer {trouble.value}, after {time_s - began_s:.1f} s"
             self._notices.append(Notice(text, mavlink.MAV_SEVERITY_NOTICE))

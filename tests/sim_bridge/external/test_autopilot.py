@@ -259,6 +259,6 @@ def test_a_mocap_outage_on_script_is_made_and_said(simulator):
         "fault begins: mocap off, vehicles 1, for 2 s",
         "motion capture of vehicle 1 is silent",
         "fault ends: mocap off, vehicles 1",
-        "motion capture of vehicle 1 is no longer silent, after 1.7 s",
+        "motion capture of vehicle 1 is no longer silent, after 2.0 s",
     ]
     assert sum(item.message.get_type() == "STATUSTEXT" for _, item in sent) >= 4
