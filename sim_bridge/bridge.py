@@ -23,7 +23,7 @@ from sim_bridge.detector import Detector
 from sim_bridge.errors import require_simulation
 from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.mocap.bodies import Frame, RigidBodies
-from sim_bridge.mocap.pose import MocapPose, odometry
+from sim_bridge.mocap.pose import MocapPose
 from sim_bridge.mocap.simulated import MotionCapture
 from sim_bridge.mocap.watch import Watch
 from sim_bridge.notices import Notice
@@ -240,7 +240,7 @@ class Bridge:
         for pose in self._poses.pop_due(time_s):
             vehicle = self.world.vehicles.get(pose.vehicle_id)
             if vehicle is not None:
-                vehicle.autopilot.receive_mocap(odometry(pose))
+                vehicle.autopilot.receive_mocap(vehicle.encode_mocap(pose))
                 continue
             watch = self._watches.get(pose.vehicle_id)
             if watch is not None:
@@ -328,7 +328,7 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
         time_s: UNIX time at which it starts, s.
 
     Raises:
-        BridgeError: The scenario has no ``simulation`` section, an autopilot parameter that PX4 does not have, or
+        BridgeError: The scenario has no ``simulation`` section, a parameter that no autopilot of the team has, or
             ground robots that cannot be placed.
     """
     simulation = require_simulation(scenario)

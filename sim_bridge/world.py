@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -15,11 +15,12 @@ from onboard.config import Scenario
 from onboard.config.simulation import OriginConfig
 from onboard.protocol import dialect as mavlink
 from sim_bridge.arena import Arena
-from sim_bridge.autopilot import INDOOR_PARAMETERS, LinkName, ParameterError, SimulatedAutopilot
+from sim_bridge.autopilot import FIRMWARES, Firmware, LinkName, ParameterError, SimulatedAutopilot
 from sim_bridge.errors import BridgeError, require_simulation
 from sim_bridge.external import ExternalAutopilot, build_external
 from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.ground_robots import GroundRobots
+from sim_bridge.mocap.pose import ENCODERS, MocapPose, odometry
 from sim_bridge.seeding import Stream, generator
 from sim_bridge.truth import TargetTruth, VehicleTruth
 from sim_bridge.vehicle.dynamics import Vehicle
@@ -69,8 +70,8 @@ class AutopilotModel(Protocol):
     def receive(self, message: mavlink.MAVLink_message, link: LinkName, time_s: float) -> None:
         """Take a message from the link ``onboard`` or ``gcs``."""
 
-    def receive_mocap(self, odometry: mavlink.MAVLink_odometry_message) -> None:
-        """Take a motion capture sample."""
+    def receive_mocap(self, message: mavlink.MAVLink_message) -> None:
+        """Take a pose of motion capture."""
 
     def drain_battery(self, remaining: float) -> None:
         """Leave so much charge, 0 to 1, in its battery."""
@@ -90,11 +91,13 @@ class SimulatedVehicle:
         vehicle_id: MAVLink system id.
         body: Its dynamics.
         autopilot: What flies it.
+        encode_mocap: How its autopilot takes a pose of motion capture.
     """
 
     vehicle_id: int
     body: VehicleModel
     autopilot: AutopilotModel
+    encode_mocap: Callable[[MocapPose], mavlink.MAVLink_message] = odometry
 
     def truth(self) -> VehicleTruth:
         """Its state now."""
@@ -191,15 +194,11 @@ def build_world(scenario: Scenario, seed: int, time_s: float, faults: FaultInjec
         faults: What goes wrong with them.
 
     Raises:
-        BridgeError: The scenario has no ``simulation`` section, an autopilot parameter that PX4 does not have, or
+        BridgeError: The scenario has no ``simulation`` section, a parameter that no autopilot of the team has, or
             ground robots that cannot be placed.
     """
     simulation = require_simulation(scenario)
-    parameters: dict[str, int | float] = {}
-    if scenario.mission.position_source == "mocap":
-        # Motion capture is the only source of positions, and the estimators know how late it is.
-        parameters = {**INDOOR_PARAMETERS, "EKF2_EV_DELAY": 1e3 * simulation.mocap.delay_s}
-    parameters |= simulation.parameters
+    parameters = _parameters(scenario)
     vehicles = []
     for config in scenario.vehicles:
         if config.external is not None:
@@ -215,14 +214,15 @@ def build_world(scenario: Scenario, seed: int, time_s: float, faults: FaultInjec
             config.id,
             body,
             origin=scenario.mission.origin,
-            parameters=parameters,
+            parameters=parameters[config.autopilot],
+            firmware=config.autopilot,
             rng=generator(seed, Stream.AUTOPILOT, config.id),
         )
         try:
             autopilot = faults.autopilot(config.id, boot, time_s)
         except ParameterError as error:
             raise BridgeError(f"simulation.parameters.{error}") from None
-        vehicles.append(SimulatedVehicle(config.id, body, autopilot))
+        vehicles.append(SimulatedVehicle(config.id, body, autopilot, ENCODERS[config.autopilot]))
     arena = Arena(scenario.mission.fence, scenario.mission.obstacles)
     robots = GroundRobots(simulation.ground_robots, arena, generator(seed, Stream.GROUND_ROBOTS))
     external = [build_external(scenario, config, time_s) for config in scenario.vehicles if config.external is not None]
@@ -236,7 +236,33 @@ def _boot(
     *,
     origin: OriginConfig,
     parameters: dict[str, int | float],
+    firmware: Firmware,
     rng: np.random.Generator,
 ) -> SimulatedAutopilot:
     """Switch a simulated autopilot on."""
-    return SimulatedAutopilot(vehicle_id, body, origin=origin, parameters=parameters, rng=rng, boot_time_s=time_s)
+    return SimulatedAutopilot(
+        vehicle_id, body, origin=origin, parameters=parameters, firmware=firmware, rng=rng, boot_time_s=time_s
+    )
+
+
+def _parameters(scenario: Scenario) -> dict[Firmware, dict[str, int | float]]:
+    """What each firmware flies with.
+
+    Indoors motion capture is the only source of positions, and the estimators know how late it is. A parameter of the
+    scenario goes to the firmwares that have it, so that one file suits whichever autopilot is chosen.
+
+    Raises:
+        BridgeError: None has it.
+    """
+    simulation = require_simulation(scenario)
+    parameters: dict[Firmware, dict[str, int | float]] = {}
+    for firmware, kind in FIRMWARES.items():
+        indoors = scenario.mission.position_source == "mocap"
+        basis = kind.indoors(simulation.mocap.delay_s) if indoors else {}
+        known = kind.load_parameters(basis)
+        parameters[firmware] = basis | {name: value for name, value in simulation.parameters.items() if name in known}
+    for name in simulation.parameters:
+        if not any(name in given for given in parameters.values()):
+            titles = " nor ".join(kind.title for kind in FIRMWARES.values())
+            raise BridgeError(f"simulation.parameters.{name}: neither {titles} has such a parameter")
+    return parameters

@@ -1,15 +1,18 @@
-"""Simulated autopilots: PX4's behaviour without PX4."""
+"""Simulated autopilots: the behaviour of PX4 and of ArduPilot Copter without either."""
 
-from sim_bridge.autopilot.core import SimulatedAutopilot
+from sim_bridge.autopilot.core.parameters import ParameterError
+from sim_bridge.autopilot.core.setpoint import SetpointStatistics
+from sim_bridge.autopilot.firmwares import FIRMWARES, Firmware, FirmwareKind
 from sim_bridge.autopilot.links import GCS, LINKS, ONBOARD, LinkName
-from sim_bridge.autopilot.offboard import SetpointStatistics
-from sim_bridge.autopilot.parameters import INDOOR_PARAMETERS, ParameterError
+from sim_bridge.autopilot.simulated import SimulatedAutopilot
 
 __all__ = [
+    "FIRMWARES",
     "GCS",
-    "INDOOR_PARAMETERS",
     "LINKS",
     "ONBOARD",
+    "Firmware",
+    "FirmwareKind",
     "LinkName",
     "ParameterError",
     "SetpointStatistics",

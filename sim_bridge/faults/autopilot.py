@@ -75,9 +75,9 @@ class FaultyAutopilot:
         self._heard.push((link, message), time_s)
         self._listen(time_s)
 
-    def receive_mocap(self, odometry: mavlink.MAVLink_odometry_message) -> None:
-        """Take a motion capture sample."""
-        self._autopilot.receive_mocap(odometry)
+    def receive_mocap(self, message: mavlink.MAVLink_message) -> None:
+        """Take a pose of motion capture."""
+        self._autopilot.receive_mocap(message)
 
     def drain_battery(self, remaining: float) -> None:
         """Leave so much charge, 0 to 1, in its battery."""

@@ -143,8 +143,25 @@ class Vehicle:
 
     @property
     def acceleration_lag_s(self) -> float:
-        """Offset of the velocity command, per m/s² of acceleration, that holds an acceleration: 2ζ/ωₙ, s."""
-        return self._damping / self._stiffness
+        """From a wanted to a true acceleration: 1/(2ζωₙ), s."""
+        return 1.0 / self._damping
+
+    def holding(self, acceleration: tuple[float, float, float], yaw_acceleration_rad_s2: float) -> VelocityCommand:
+        """The command that makes the vehicle take on an acceleration, as an autopilot does that closes its own loops.
+
+        Args:
+            acceleration: North, east, down m/s²; reached with a lag of 1/(2ζωₙ).
+            yaw_acceleration_rad_s2: Change of the yaw rate, rad/s².
+        """
+        north, east, down = acceleration
+        lag_s = self._damping / self._stiffness
+        return VelocityCommand(
+            self.velocity_north_m_s + lag_s * north,
+            self.velocity_east_m_s + lag_s * east,
+            self.velocity_down_m_s + lag_s * down,
+            self.yaw_rate_rad_s + self._yaw_rate_lag * yaw_acceleration_rad_s2,
+            motors_on=True,
+        )
 
     @property
     def attitude_rad(self) -> tuple[float, float]:

@@ -13,9 +13,10 @@ from typer.testing import CliRunner
 from gcs.cli import app
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
-from sim_bridge.autopilot import INDOOR_PARAMETERS
-from sim_bridge.autopilot.parameter_service import ParameterService
-from sim_bridge.autopilot.parameters import ParameterStore
+from sim_bridge.autopilot import ONBOARD
+from sim_bridge.autopilot.core.outbox import Outbox
+from sim_bridge.autopilot.core.parameter_service import ParameterService
+from sim_bridge.autopilot.px4.parameters import INDOOR_PARAMETERS, RHYTHM, load_parameters
 
 
 class Autopilot(threading.Thread):
@@ -23,8 +24,9 @@ class Autopilot(threading.Thread):
 
     def __init__(self, port: int, overrides: dict[str, int | float], *, armed: bool = False) -> None:
         super().__init__(daemon=True)
-        self.store = ParameterStore({**INDOOR_PARAMETERS, **overrides})
-        self._service = ParameterService(self.store)
+        self.store = load_parameters({**INDOOR_PARAMETERS, **overrides})
+        self._outbox = Outbox()
+        self._service = ParameterService(self.store, self._outbox, RHYTHM, lambda _system, _component: True)
         self._codec = Codec(1, 1)
         self._flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -45,14 +47,12 @@ class Autopilot(threading.Thread):
         self._socket.close()
 
     def _answer(self, message: mavlink.MAVLink_message) -> list[mavlink.MAVLink_message]:
-        match message:
-            case mavlink.MAVLink_param_request_read_message():
-                return self._service.read(message)
-            case mavlink.MAVLink_param_set_message():
-                return self._service.set(message)
-            case mavlink.MAVLink_command_long_message():
-                return [mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_ACCEPTED)]
-        return []
+        if isinstance(message, mavlink.MAVLink_command_long_message):
+            return [mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_ACCEPTED)]
+        handler = self._service.handlers.get(message.get_msgId())
+        if handler is not None:
+            handler(message, ONBOARD)
+        return [answer for _, answer in self._outbox.take()]
 
 
 @pytest.fixture

@@ -94,7 +94,6 @@ async def test_px4_takes_off_and_lands(simulation, tmp_path):
 
 async def test_ardupilot_takes_off_flies_and_lands(simulation, tmp_path):
     fleet = simulation(speed_up=3.0)
-    pytest.importorskip("sim_bridge.autopilot.ardupilot")
     autopilot = fleet.add(firmware="ardupilot")
     vehicle = autopilot.vehicle
     async with console(fleet, tmp_path) as mavproxy:

@@ -8,7 +8,7 @@ import pytest
 
 from onboard.protocol.ardupilot_modes import CopterMode
 from onboard.protocol.px4_modes import Px4Mode
-from sim_bridge.autopilot import INDOOR_PARAMETERS
+from sim_bridge.autopilot.px4.parameters import INDOOR_PARAMETERS
 
 pytest.importorskip("mavsdk")
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
@@ -185,7 +185,6 @@ async def test_several_vehicles_share_one_port(simulation):
 
 async def test_ardupilot_takes_off_flies_guided_and_lands(simulation):
     fleet = simulation()
-    pytest.importorskip("sim_bridge.autopilot.ardupilot")
     autopilot = fleet.add(firmware="ardupilot")
     async with connected(fleet) as (_, system):
         vehicle = autopilot.vehicle
@@ -219,7 +218,6 @@ async def armed_when_ready(action):
 
 async def test_ardupilot_parameters_by_value(simulation):
     fleet = simulation()
-    pytest.importorskip("sim_bridge.autopilot.ardupilot")
     autopilot = fleet.add(firmware="ardupilot")
     async with connected(fleet) as (_, system):
         params = ParamAsync(system)

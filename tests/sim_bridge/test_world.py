@@ -125,7 +125,7 @@ def test_adding_a_vehicle_does_not_change_the_targets():
 def test_an_unknown_parameter_is_named_with_its_section():
     data = LAB.model_dump()
     data["simulation"]["parameters"] = {"MPC_XY_VEL": 3.0}
-    with pytest.raises(BridgeError, match=r"simulation\.parameters\.MPC_XY_VEL: PX4 has no such parameter"):
+    with pytest.raises(BridgeError, match=r"parameters\.MPC_XY_VEL: neither PX4 nor ArduPilot has"):
         build_world(Scenario.model_validate(data), 1, NOON, NO_FAULTS)
 
 

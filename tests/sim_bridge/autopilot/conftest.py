@@ -1,4 +1,4 @@
-"""A bench: one simulated autopilot in virtual time, with motion capture if wanted."""
+"""A bench for each firmware: one simulated autopilot in virtual time, with motion capture if wanted."""
 
 import math
 
@@ -7,17 +7,21 @@ import pytest
 
 from onboard.config.simulation import OriginConfig, VehicleDynamicsConfig
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.ardupilot_modes import CopterMode
 from onboard.protocol.px4_modes import Px4Mode
-from sim_bridge.autopilot import INDOOR_PARAMETERS, ONBOARD, SimulatedAutopilot
+from sim_bridge.autopilot import FIRMWARES, ONBOARD, SimulatedAutopilot
 from sim_bridge.vehicle import Vehicle
 
 STEP_S = 0.005
+LOCAL_FRD, BODY_FRD = 20, 12
 BOOT_S = 1.8e9
 NAN = math.nan
 
 
 class Bench:
     """Steps an autopilot; keeps what it sent."""
+
+    firmware = "px4"
 
     def __init__(self, *, parameters=None, origin=True, mocap=True, alignment_s=1.0, seed=1, **vehicle):
         self.vehicle = Vehicle(
@@ -27,7 +31,8 @@ class Bench:
             3,
             self.vehicle,
             origin=OriginConfig() if origin else None,
-            parameters={**INDOOR_PARAMETERS, **(parameters or {})},
+            parameters={**FIRMWARES[self.firmware].indoor_parameters, **(parameters or {})},
+            firmware=self.firmware,
             rng=np.random.default_rng((seed, 2)),
             boot_time_s=BOOT_S,
             alignment_s=alignment_s,
@@ -56,13 +61,19 @@ class Bench:
         assert (acks[0].target_system, acks[0].target_component) == (3, 191)
         return acks[0].result
 
-    def odometry(self, estimator_type=mavlink.MAV_ESTIMATOR_TYPE_VISION, frame=mavlink.MAV_FRAME_LOCAL_NED):
+    def odometry(
+        self,
+        estimator_type=mavlink.MAV_ESTIMATOR_TYPE_VISION,
+        frame=mavlink.MAV_FRAME_LOCAL_NED,
+        child=mavlink.MAV_FRAME_LOCAL_NED,
+        time_usec=0,
+    ):
         vehicle, noise = self.vehicle, 0.003 * self._noise.standard_normal(3)
         half_yaw = 0.5 * vehicle.yaw_rad
         return mavlink.MAVLink_odometry_message(
-            0,
+            time_usec,
             frame,
-            mavlink.MAV_FRAME_LOCAL_NED,
+            child,
             vehicle.north_m + noise[0],
             vehicle.east_m + noise[1],
             vehicle.down_m + noise[2],
@@ -122,6 +133,10 @@ class Bench:
         assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, NAN) == mavlink.MAV_RESULT_ACCEPTED
         return self.run_until(lambda: self.autopilot.mode is Px4Mode.LOITER, 15.0)
 
+    def heartbeat(self, link=ONBOARD, source=(3, 191), kind=mavlink.MAV_TYPE_ONBOARD_CONTROLLER):
+        """Be heard as a companion, or as whoever is named."""
+        self.send(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3), link, source)
+
     def fly_anything(self):
         """A little of every mode."""
         for mode in Px4Mode:
@@ -136,9 +151,52 @@ class Bench:
         self.run(duration_s, setpoint)
 
 
+class CopterBench(Bench):
+    """The same with ArduPilot: its frames, its order."""
+
+    firmware = "ardupilot"
+
+    def odometry(self, **fields):
+        return super().odometry(**{"frame": LOCAL_FRD, "child": BODY_FRD, **fields})
+
+    def tell_origin(self):
+        self.send(mavlink.MAVLink_set_gps_global_origin_message(3, 399523000, -751908000, 12000))
+
+    def be_ready(self, mode=CopterMode.GUIDED):
+        """Heard, aligned, its origin known, in a mode."""
+        self.run(2.5)
+        self.heartbeat()
+        self.tell_origin()
+        self.run(1.5)
+        assert self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, mode) == mavlink.MAV_RESULT_ACCEPTED
+        self.run(0.5)
+
+    def take_off(self, height_m=3.0):
+        """Hovering in GUIDED; the time from the command to 2.95 m of 3."""
+        self.be_ready()
+        assert self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == mavlink.MAV_RESULT_ACCEPTED
+        self.run(3.0)
+        assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == mavlink.MAV_RESULT_ACCEPTED
+        climb_s = self.run_until(lambda: self.vehicle.height_m >= height_m - 0.05, 15.0)
+        self.run(3.0)
+        return climb_s
+
+
 @pytest.fixture
 def bench():
     return Bench
+
+
+@pytest.fixture
+def copter_bench():
+    return CopterBench
+
+
+@pytest.fixture
+def copter():
+    ready = CopterBench()
+    ready.take_off()
+    return ready
 
 
 @pytest.fixture

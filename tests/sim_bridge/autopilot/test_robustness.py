@@ -80,7 +80,7 @@ def test_any_message_leaves_everything_finite(bench, received, offboard):
     vehicle = flight.vehicle
     state = (vehicle.north_m, vehicle.east_m, vehicle.down_m, vehicle.yaw_rad, *vehicle.attitude_rad)
     assert all(math.isfinite(value) for value in state)
-    estimator = flight.autopilot.estimator
+    estimator = flight.autopilot.platform.estimator
     assert all(math.isfinite(v) for v in (estimator.north_m, estimator.velocity_down_m_s, estimator.yaw_rad))
     for _, _, message in flight.sent:
         assert len(codec.encode(message)) >= 12

@@ -124,13 +124,16 @@ def test_attitude_turns_thrust_along_the_acceleration():
     assert roll == pytest.approx(math.atan2(2.0, math.hypot(1.0, GRAVITY_M_S2)))
 
 
-def test_an_acceleration_is_held_by_its_velocity_offset():
-    """With v_cmd = v + 2ζ/ωₙ·a the acceleration settles at a."""
+def test_an_acceleration_is_taken_on_with_a_lag():
+    """ȧ = 2ζωₙ (a_wanted − a), and the yaw rate changes as it is told."""
     vehicle = airborne()
-    for _ in range(600):
-        command = vehicle.velocity_north_m_s + vehicle.acceleration_lag_s * 0.4
-        vehicle.step(STEP_S, VelocityCommand(north_m_s=command, motors_on=True))
-    assert vehicle.acceleration_north_m_s2 == pytest.approx(0.4, rel=1e-6)
+    lag_s = 1.0 / (2.0 * CALM.damping_ratio * CALM.natural_frequency_rad_s)
+    for step in range(1, 200):
+        vehicle.step(0.001, vehicle.holding((0.4, 0.0, -0.2), 0.5))
+        expected = 1.0 - math.exp(-0.001 * step / lag_s)
+        assert vehicle.acceleration_north_m_s2 == pytest.approx(0.4 * expected, abs=3e-3)
+        assert vehicle.acceleration_down_m_s2 == pytest.approx(-0.2 * expected, abs=3e-3)
+    assert vehicle.yaw_rate_rad_s == pytest.approx(0.5 * 0.2, rel=0.02)
 
 
 def test_gusts_have_the_configured_strength_and_are_the_seeds():

@@ -1,0 +1,1 @@
+"""What any simulated autopilot consists of, whichever firmware it behaves like."""
