@@ -110,7 +110,7 @@ class Companion:
             related_by_gps=scenario.mission.position_source == "gps",
             needs=Needs.of(scenario, self.vehicle),
         )
-        self.machine = FlightMachine(scenario.flight, self.vehicle, self.autopilot)
+        self.machine = FlightMachine(scenario.flight, self.vehicle, self.autopilot, scenario.vehicle_type(self.vehicle))
         self.agent: Agent | None = None
         self._scenario = scenario
         self._team = {vehicle.id for vehicle in scenario.vehicles} - {vehicle_id}

@@ -18,6 +18,7 @@ from onboard.config.mocap import RealMocapConfig
 from onboard.config.patterns import AutopilotUrl, FilePath, ForwardUrl, LinkUrl, ListenUrl, ScenarioName
 from onboard.config.polygon import contains, is_simple, overlap
 from onboard.config.simulation import OriginConfig, SimulationConfig
+from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.estimation.target_models import TargetModel, TargetMotion
 from onboard.geometry import Pose
@@ -198,7 +199,16 @@ class FlightConfig(Section):
     setpoint_rate_hz: Annotated[float, Field(ge=10.0, le=200.0)] = 50.0
     position_gain_per_s: NonNegative = 1.2
     max_correction_m_s: NonNegative = 0.5
-    velocity_lead_s: NonNegative = Field(default=0.25, description="how far ahead the velocity feed-forward is taken")
+    velocity_delay_s: NonNegative | None = Field(
+        default=None,
+        description="from a commanded to the flown velocity; null takes what was measured of its autopilot",
+    )
+    velocity_lag_s: NonNegative | None = Field(
+        default=None, description="time constant of the velocity after that delay; null as above"
+    )
+    yaw_delay_s: NonNegative | None = Field(
+        default=None, description="from a commanded to the flown yaw; null as above"
+    )
     height_gain_per_s: NonNegative = Field(default=1.0, description="where height is held through vertical velocity")
     climb_m_s: Positive = 0.8
     return_speed_m_s: Positive = 1.0
@@ -228,6 +238,7 @@ class VehicleConfig(Section):
         default="px4",
         description="whose behaviour is simulated; of a vehicle that is not simulated, what is expected on its link",
     )
+    type: str = Field(default="default", description="one of vehicle_types")
     links: LinksConfig = LinksConfig()
     external: External = Field(
         default=None, description="true, or a section: the vehicle is not simulated; its autopilot runs elsewhere"
@@ -310,6 +321,9 @@ class Scenario(Section):
     exploration: ExplorationConfig = ExplorationConfig()
     planner: PlannerConfig = PlannerConfig()
     flight: FlightConfig = FlightConfig()
+    vehicle_types: dict[str, VehicleTypeConfig] = Field(
+        default_factory=dict, description="limits by the name of the type; the name default may be given others, too"
+    )
     vehicles: Annotated[tuple[VehicleConfig, ...], Field(min_length=1, max_length=MAX_SYSTEM_ID)]
     ground: GroundConfig = GroundConfig()
     mocap: RealMocapConfig | None = None
@@ -434,6 +448,17 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
+    def _types_can_fly_the_primitives(self) -> Self:
+        for i, vehicle in enumerate(self.vehicles):
+            if vehicle.type != "default" and vehicle.type not in self.vehicle_types:
+                known = ", ".join(sorted({"default", *self.vehicle_types}))
+                raise ValueError(f"vehicles[{i}].type: {vehicle.type} is not in vehicle_types; known are {known}")
+            refusal = self.vehicle_type(vehicle).refusal(self.primitives, self.flight.climb_m_s)
+            if refusal:
+                raise ValueError(f"{refusal} of vehicle type {vehicle.type}")
+        return self
+
+    @model_validator(mode="after")
     def _grid_fits_memory(self) -> Self:
         side_m = 32 * self.exploration.cell_m
         tiles = 1
@@ -468,6 +493,10 @@ class Scenario(Section):
     def primitive_set(self) -> tuple[Primitive, ...]:
         """The motion primitives that plans index."""
         return tuple(Primitive(speed, yaw_rate) for speed, yaw_rate in self.primitives)
+
+    def vehicle_type(self, vehicle: VehicleConfig) -> VehicleTypeConfig:
+        """The limits of a vehicle."""
+        return self.vehicle_types.get(vehicle.type, VehicleTypeConfig())
 
     def vehicle(self, vehicle_id: int) -> VehicleConfig:
         """The vehicle with this system id.

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from onboard.flight.ardupilot_requirements import ardupilot_requirements
 from onboard.flight.behaviour import LaunchStep, Request, arm_request, mode_request
 from onboard.flight.requirements import Needs, Requirement
-from onboard.flight.setpoints import Setpoint
+from onboard.flight.setpoints import Response, Setpoint
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.ardupilot_modes import CopterMode
@@ -38,6 +38,8 @@ class ArduPilot:
     guided_mode: int = CopterMode.GUIDED
     land_mode: int = CopterMode.LAND
     streams_before_takeoff = False
+    type_mask: int = _TYPE_MASK
+    response = Response(velocity_delay_s=0.24, velocity_lag_s=0.25)
     integers_bytewise = False
     returns_from_failsafe = False
     rates_hz: Mapping[int, float] = MappingProxyType(
@@ -59,8 +61,8 @@ class ArduPilot:
         return False
 
     def lacks(self, telemetry: Telemetry) -> str:
-        """Nothing that could be judged before GUIDED: the health bit speaks of the mode that is active."""
-        return ""
+        """The health bit speaks of the active mode; that of GUIDED, which asks for more, is waited for in `launch`."""
+        return _prearm(telemetry)
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
         """What its parameters must be for a plan."""
@@ -75,7 +77,7 @@ class ArduPilot:
         takeoff = Request(mavlink.MAV_CMD_NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, climb_m))
         return (
             LaunchStep("GUIDED", self.mode(CopterMode.GUIDED), _nothing, lambda heard: heard.mode == CopterMode.GUIDED),
-            LaunchStep("arming", arm_request(), _prearm, lambda heard: heard.armed),
+            LaunchStep("arming", arm_request(), _guided, lambda heard: heard.armed),
             LaunchStep("takeoff", takeoff, _nothing, lambda _: False),
         )
 
@@ -88,15 +90,15 @@ class ArduPilot:
             system_id,
             component,
             mavlink.MAV_FRAME_LOCAL_NED,
-            _TYPE_MASK,
+            self.type_mask,
             0.0,
             0.0,
             0.0,
             setpoint.velocity_north_m_s,
             setpoint.velocity_east_m_s,
             setpoint.velocity_down_m_s,
-            0.0,
-            0.0,
+            setpoint.acceleration_north_m_s2,
+            setpoint.acceleration_east_m_s2,
             0.0,
             setpoint.yaw_rad,
             setpoint.yaw_rate_rad_s,
@@ -105,6 +107,10 @@ class ArduPilot:
 
 def _nothing(_: Telemetry) -> str:
     return ""
+
+
+def _guided(telemetry: Telemetry) -> str:
+    return _prearm(telemetry) if telemetry.mode == CopterMode.GUIDED else "GUIDED does not show yet"
 
 
 def _prearm(telemetry: Telemetry) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from onboard.flight.requirements import Needs, Requirement
-from onboard.flight.setpoints import Setpoint
+from onboard.flight.setpoints import Response, Setpoint
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
 
@@ -55,6 +55,7 @@ class Behaviour(Protocol):
         rates_hz: Message id → rate that is asked for.
         streams_before_takeoff: Whether it wants setpoints before it is in the air, and climbs by them; else it takes
             off by itself and setpoints during the climb would end it.
+        response: How a quadrotor that it flies answers setpoints, as measured.
         integers_bytewise: Whether integer parameters travel bytewise in their float field.
         returns_from_failsafe: Whether it takes up the guided mode by itself when the reason of a failsafe is over.
     """
@@ -71,6 +72,8 @@ class Behaviour(Protocol):
     def rates_hz(self) -> Mapping[int, float]: ...  # noqa: D102
     @property
     def streams_before_takeoff(self) -> bool: ...  # noqa: D102
+    @property
+    def response(self) -> Response: ...  # noqa: D102
     @property
     def integers_bytewise(self) -> bool: ...  # noqa: D102
     @property

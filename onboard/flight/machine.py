@@ -12,12 +12,13 @@ import math
 from collections.abc import Callable
 
 from onboard.config.schema import FlightConfig, VehicleConfig
+from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.custody import Custody, Holder
 from onboard.flight.events import Event, Refusal
 from onboard.flight.launch import HEARTBEAT_LAG_S, Launch
 from onboard.flight.setpoints import HeightReference, Setpoint, SetpointTracker
-from onboard.flight.trajectory import Hold, Trajectory, Transfer
+from onboard.flight.trajectory import Followed, Hold, Trajectory, Transfer
 from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
@@ -47,19 +48,26 @@ class FlightMachine:
         config: Rates, gains, speeds.
         vehicle: Layer and home.
         link: The autopilot.
+        limits: Of the vehicle's type.
 
     Attributes:
         state: Where the flight is.
         trajectory: What is flown now; None while nothing has been commanded.
     """
 
-    def __init__(self, config: FlightConfig, vehicle: VehicleConfig, link: AutopilotLink) -> None:
+    def __init__(
+        self,
+        config: FlightConfig,
+        vehicle: VehicleConfig,
+        link: AutopilotLink,
+        limits: VehicleTypeConfig | None = None,
+    ) -> None:
         self.state = FlightState.WAIT
         self.trajectory: Trajectory | None = None
         self._config = config
         self._vehicle = vehicle
         self._link = link
-        self._tracker = SetpointTracker(config)
+        self._tracker = SetpointTracker(config, limits)
         self._next: tuple[float, Trajectory, float] | None = None
         self._flown_from_s = math.inf
         self._flown_until_s = math.inf
@@ -208,7 +216,11 @@ class FlightMachine:
         measured, down_m = None, None
         if self.state is not FlightState.ARM and self._link.has_position(time_s):
             measured, down_m = self._link.pose(), self._measured_down_m
-        return self._tracker.setpoint(self.trajectory, time_s, self._height, measured, down_m)
+        trajectory = self.trajectory
+        if self._next is not None and self.state in (FlightState.HOLD, FlightState.TRACK):
+            trajectory = Followed(trajectory, self._next[1], self._next[0])
+        response = self._link.behaviour.response
+        return self._tracker.setpoint(trajectory, time_s, self._height, measured, down_m, response)
 
     @property
     def _streams(self) -> bool:

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from onboard.flight.behaviour import LaunchStep, Request, arm_request, mode_request
 from onboard.flight.px4_requirements import px4_requirements
 from onboard.flight.requirements import Needs, Requirement
-from onboard.flight.setpoints import Setpoint
+from onboard.flight.setpoints import Response, Setpoint
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.px4_modes import Px4Mode
@@ -40,6 +40,8 @@ class Px4:
     guided_mode: int = Px4Mode.OFFBOARD
     land_mode: int = Px4Mode.LAND
     streams_before_takeoff = True
+    type_mask: int = _TYPE_MASK
+    response = Response()
     integers_bytewise = True
     returns_from_failsafe = True
     rates_hz: Mapping[int, float] = MappingProxyType(
@@ -89,15 +91,15 @@ class Px4:
             system_id,
             component,
             mavlink.MAV_FRAME_LOCAL_NED,
-            _TYPE_MASK,
+            self.type_mask,
             0.0,
             0.0,
             setpoint.down_m,
             setpoint.velocity_north_m_s,
             setpoint.velocity_east_m_s,
             0.0,
-            0.0,
-            0.0,
+            setpoint.acceleration_north_m_s2,
+            setpoint.acceleration_east_m_s2,
             0.0,
             setpoint.yaw_rad,
             setpoint.yaw_rate_rad_s,

@@ -58,6 +58,8 @@ class Telemetry:
             case mavlink.MAVLink_heartbeat_message():
                 self.heartbeat_s = time_s
                 self.autopilot = message.autopilot
+                if message.custom_mode != self.mode:
+                    self.prearm_ok = False  # what SYS_STATUS said was about the mode before
                 self.mode = message.custom_mode
                 self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                 self.failsafe = message.system_status in (mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY)

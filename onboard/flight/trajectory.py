@@ -10,7 +10,7 @@ from typing import Protocol
 from onboard.geometry import Pose
 from onboard.planning.primitives import Primitive, advance
 
-__all__ = ["HOVER", "Hold", "PlanTrajectory", "Reference", "Trajectory", "Transfer"]
+__all__ = ["HOVER", "Followed", "Hold", "PlanTrajectory", "Reference", "Trajectory", "Transfer"]
 
 HOVER = Primitive(0.0, 0.0)
 """The stop primitive."""
@@ -25,12 +25,16 @@ class Reference:
         velocity_north_m_s: Mission frame.
         velocity_east_m_s: Mission frame.
         yaw_rate_rad_s: About down.
+        acceleration_north_m_s2: Mission frame.
+        acceleration_east_m_s2: Mission frame.
     """
 
     pose: Pose
     velocity_north_m_s: float
     velocity_east_m_s: float
     yaw_rate_rad_s: float
+    acceleration_north_m_s2: float = 0.0
+    acceleration_east_m_s2: float = 0.0
 
 
 class Trajectory(Protocol):
@@ -50,6 +54,25 @@ class Hold:
     def reference(self, time_s: float) -> Reference:
         """The pose, at rest."""
         return Reference(self.pose, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """One trajectory, and from a time on another: whoever looks ahead sees what comes.
+
+    Attributes:
+        first: Until then.
+        following: From then on.
+        from_s: UNIX time, s.
+    """
+
+    first: Trajectory
+    following: Trajectory
+    from_s: float
+
+    def reference(self, time_s: float) -> Reference:
+        """What is asked for at a UNIX time."""
+        return (self.first if time_s < self.from_s else self.following).reference(time_s)
 
 
 class Transfer:
@@ -118,9 +141,7 @@ class PlanTrajectory:
             return Reference(self._poses[-1], 0.0, 0.0, 0.0)
         primitive = self._primitives[index]
         pose = advance(self._poses[index], primitive, elapsed - index * self._step_s)
-        return Reference(
-            pose,
-            primitive.speed_m_s * math.cos(pose.yaw_rad),
-            primitive.speed_m_s * math.sin(pose.yaw_rad),
-            primitive.yaw_rate_rad_s,
-        )
+        north_m_s = primitive.speed_m_s * math.cos(pose.yaw_rad)
+        east_m_s = primitive.speed_m_s * math.sin(pose.yaw_rad)
+        rate = primitive.yaw_rate_rad_s
+        return Reference(pose, north_m_s, east_m_s, rate, -rate * east_m_s, rate * north_m_s)

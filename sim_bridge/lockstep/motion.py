@@ -9,7 +9,7 @@ import numpy as np
 
 from onboard.config.schema import FlightConfig
 from onboard.config.simulation import VehicleDynamicsConfig
-from onboard.flight.setpoints import HeightReference, SetpointTracker
+from onboard.flight.setpoints import HeightReference, Response, SetpointTracker
 from onboard.flight.trajectory import HOVER, Hold, PlanTrajectory, Trajectory
 from onboard.geometry import Pose, wrap_angle
 from onboard.planning.primitives import Primitive, advance
@@ -104,7 +104,7 @@ class SecondOrderMotion:
         dt_s = duration_s / ticks
         for tick in range(ticks):
             setpoint = self._tracker.setpoint(
-                self._trajectory, time_s + tick * dt_s, self._height, self.pose, self._vehicle.down_m
+                self._trajectory, time_s + tick * dt_s, self._height, self.pose, self._vehicle.down_m, Response()
             )
             turn = _YAW_GAIN_PER_S * wrap_angle(setpoint.yaw_rad - self._vehicle.yaw_rad)
             self._vehicle.step(

@@ -139,6 +139,8 @@ BROKEN = {
     "listener on the ground's port": ("layer_m: 1.7", "layer_m: 1.7, links: {sensor: 'udpin:127.0.0.1:14550'}", ":21: vehicles[1].links.sensor: udpin:127.0.0.1:14550 is also ground.url; every link has its own"),
     "primitive too fast": ("[[1.0, 0.0], ", "[[9.0, 0.0], ", ":9: primitives[0]: 9.0 m/s is beyond simulation.vehicles.max_speed_m_s = 3.0"),
     "primitive turns too fast": ("[1.0, -1.0]", "[1.0, -9.0]", ":9: primitives[2]: -9.0 rad/s is beyond simulation.vehicles.max_yaw_rate_rad_s = 3.5"),
+    "unknown type": ("layer_m: 1.7", "layer_m: 1.7, type: big", ":21: vehicles[1].type: big is not in vehicle_types; known are default"),
+    "type too slow": ("vehicles:", "vehicle_types: {default: {max_speed_m_s: 0.5}}\nvehicles:", ":9: primitives[0]: 1.0 m/s is beyond max_speed_m_s = 0.5 of vehicle type default"),
     "probability": ("loss: 0.0", "loss: 1.5", ":26: simulation.radio.loss: 1.5 should be less than or equal to 1"),
     "name": ("name: small", "name: my lab", ':1: name: "my lab" should have letters, digits, dots, dashes and underscores only'),
     "date": ("name: small", "name: 2020-01-01", ":1: name: 2020-01-01 is neither a number, text, true, false nor null; quote text"),

@@ -31,13 +31,15 @@ class Flight:
 
     def __init__(self, family: str = "px4") -> None:
         self.link = AutopilotLink(1, timeout_s=4.5, expected=family)
-        self.machine = FlightMachine(FlightConfig(), VEHICLE, self.link)
+        at_once = FlightConfig(velocity_delay_s=0.0, velocity_lag_s=0.0)  # as this autopilot answers
+        self.machine = FlightMachine(at_once, VEHICLE, self.link)
         self.behaviour = BEHAVIOURS[family]
         self.time_s = 100.0
         self.boot_s = 0.0
         self.mode: int = Px4Mode.LOITER if family == "px4" else CopterMode.STABILIZE
         self.armed = False
         self.ready = True
+        self.ready_in: int | None = None
         self.silent = False
         self.failsafe = False
         self.refuse: dict[int, int] = {}
@@ -101,7 +103,8 @@ class Flight:
             status = mavlink.MAV_STATE_CRITICAL if self.failsafe else mavlink.MAV_STATE_ACTIVE
             self.say(mavlink.MAVLink_heartbeat_message(2, self.behaviour.autopilot, flags, int(self.mode), status, 3))
         if self._ticks % 10 == 0:
-            health = mavlink.MAV_SYS_STATUS_PREARM_CHECK if self.ready else 0
+            ready = self.ready and self.ready_in in (None, self.mode)
+            health = mavlink.MAV_SYS_STATUS_PREARM_CHECK if ready else 0
             self.say(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 12000, 0, 80, 0, 0, 0, 0, 0, 0))
             landed = 1 if self.position[2] > -0.02 else 2
             self.say(mavlink.MAVLink_extended_sys_state_message(0, landed))
@@ -336,13 +339,15 @@ def test_ardupilot_gets_no_setpoint_before_its_takeoff_is_over() -> None:
 
 def test_ardupilot_waits_for_its_checks_in_guided_before_it_arms() -> None:
     flight = Flight("ardupilot")
-    flight.ready = False
+    """Its health bit speaks of the active mode: what is ready in STABILIZE may not be in GUIDED."""
+    flight.until(lambda: flight.machine.state is FlightState.STANDBY)
+    flight.ready_in = CopterMode.STABILIZE
     flight.fly_to(FlightState.ARM)
     flight.run(5.0)
     assert flight.mode == CopterMode.GUIDED
     assert not flight.armed
     assert mavlink.MAV_CMD_COMPONENT_ARM_DISARM not in [message.command for message in flight.commands]
-    flight.ready = True
+    flight.ready_in = CopterMode.GUIDED
     flight.until(lambda: flight.machine.state is FlightState.HOLD)
 
 
