@@ -15,8 +15,9 @@ from gcs.recording.tlog import read_tlog
 from gcs.team import Event
 from onboard.config import ConfigError, Scenario, load_scenario
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.addressing import source_of
 
-__all__ = ["HeardFrame", "PhaseMark", "Recording", "frame_source", "open_recording"]
+__all__ = ["HeardFrame", "PhaseMark", "Recording", "open_recording"]
 
 _SEVERITIES = {entry.name: value for value, entry in mavlink.enums["MAV_SEVERITY"].items()}
 
@@ -129,7 +130,7 @@ def _read_links(folder: Path, scenario: Scenario) -> tuple[HeardFrame, ...]:
         HeardFrame(time_usec / 1e6, frame)
         for path in sorted(folder.glob("*.tlog"))
         for time_usec, frame in read_tlog(path)
-        if frame_source(frame)[0] in senders
+        if source_of(frame)[0] in senders
     ]
     heard.sort(key=lambda item: item.time_s)
     return tuple(heard)
@@ -158,8 +159,3 @@ def _read_json(path: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) else None
-
-
-def frame_source(frame: bytes) -> tuple[int, int]:
-    """System and component id of the sender, from the header of either version."""
-    return (frame[5], frame[6]) if frame[0] == mavlink.PROTOCOL_MARKER_V2 else (frame[3], frame[4])

@@ -11,8 +11,9 @@ import bisect
 import copy
 from dataclasses import dataclass
 
-from gcs.recording.reader import PhaseMark, Recording, frame_source
+from gcs.recording.reader import PhaseMark, Recording
 from gcs.team import Event, TeamMonitor, TeamState
+from onboard.protocol.addressing import source_of
 from onboard.protocol.codec import Codec, message_id
 
 __all__ = ["TICK_S", "Replay"]
@@ -96,7 +97,8 @@ class Replay:
             cursor.monitor.metrics.end_s = landing_s
         until = bisect.bisect_right(self._frame_times, now_s, lo=cursor.frame)
         for heard in self.recording.frames[cursor.frame : until]:
-            source = frame_source(heard.frame)
+            source = source_of(heard.frame)
+            cursor.monitor.sequence(heard.frame, source, heard.time_s)
             if cursor.monitor.wants(message_id(heard.frame), source[0], heard.time_s):
                 for message in self._codec.decode(heard.frame):
                     cursor.monitor.receive(message, heard.time_s)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs.dashboard.palette import ALARM, ESTIMATE, TWO_WAY, vehicle_colour
+from gcs.dashboard.palette import ALARM, ESTIMATE, TWO_WAY, link_style, vehicle_colour
 from gcs.dashboard.shapes import ellipse_95, planned_path
 from gcs.dashboard.view import MapBounds
 from gcs.dashboard.wording import flight_state_text, vehicle_is_silent
@@ -50,7 +50,7 @@ _LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)
 
 def channels(scenario: Scenario) -> dict[str, Schema]:
     """Each topic's schema."""
-    scenes = ("/arena", "/vehicles", "/trails", "/plans", "/estimates", "/truth", "/radio")
+    scenes = ("/arena", "/vehicles", "/trails", "/plans", "/estimates", "/truth", "/radio", "/landmarks")
     return {
         "/tf": FRAME_TRANSFORMS,
         **dict.fromkeys(scenes, SCENE_UPDATE),
@@ -114,6 +114,7 @@ class Scene:
         yield "/plans", _scene(now_s, self._plan_entities(team, now_s))
         yield "/estimates", _scene(now_s, self._estimate_entities(team.targets, now_s))
         yield "/radio", _scene(now_s, _radio_entities(placed, now_s))
+        yield "/landmarks", _scene(now_s, self._landmark_entities(placed, now_s))
         if any(target.truth is not None for target in team.targets):
             yield "/truth", _scene(now_s, self._truth_entities(team.targets, now_s))
         if team.explored is not None and team.explored is not self._explored:
@@ -202,6 +203,14 @@ class Scene:
                 cube = _solid((*target.truth, -0.05), (0.1, 0.1, 0.1), _colour(_TRUTH_COLOUR, 1.0))
                 yield _entity(f"truth {target.id}", MISSION_NED, now_s, cubes=[cube])
 
+    def _landmark_entities(self, vehicles: Iterable[VehicleState], now_s: float) -> Iterator[dict[str, Any]]:
+        for vehicle in vehicles:
+            places = [place for place in vehicle.landmarks if self._bounds.plausible(*place)]
+            if places and not vehicle_is_silent(vehicle):
+                colour = _colour(self._colours[vehicle.id], 0.7)
+                cubes = [_solid((*place, 0.0), (0.12, 0.12, 0.02), colour, 0.25 * math.pi) for place in places]
+                yield _entity(f"landmarks {vehicle.id}", MISSION_NED, now_s, cubes=cubes)
+
 
 def _radio_entities(vehicles: list[VehicleState], now_s: float) -> Iterator[dict[str, Any]]:
     """A line between each two of which one hears the other."""
@@ -209,8 +218,9 @@ def _radio_entities(vehicles: list[VehicleState], now_s: float) -> Iterator[dict
         for second in vehicles[i + 1 :]:
             there, back = second.id in first.neighbours, first.id in second.neighbours
             if there or back:
-                colour = _colour(TWO_WAY if there and back else ALARM, 0.6)
-                line = _line([_place(first), _place(second)], colour, 1.5)
+                losses = [first.peer_loss.get(second.id, 0.0)] * there + [second.peer_loss.get(first.id, 0.0)] * back
+                colour, pixels = link_style(max(losses))
+                line = _line([_place(first), _place(second)], _colour(colour, 0.6), pixels)
                 yield _entity(f"radio {first.id} {second.id}", MISSION_NED, now_s, lines=[line])
 
 
@@ -276,6 +286,9 @@ def _vehicle_numbers(vehicle: VehicleState, now_s: float) -> dict[str, Any]:
         delta_m=plan.delta if plan is not None else None,
         width=plan.width if plan is not None else None,
         nodes=plan.nodes if plan is not None else None,
+        link_loss=vehicle.link.loss if vehicle.link is not None else None,
+        radio_loss_max=max(vehicle.peer_loss.values(), default=None),
+        delay_s=vehicle.delay_s,
     )
 
 

@@ -124,7 +124,7 @@ VEHICLE = _known(
     onboard_age_s=_NUMBER, plan_age_s=_NUMBER, planning_time_s=_NUMBER, planning_budget_s=_NUMBER, plans=_NUMBER,
     deadline_misses=_NUMBER, setpoint_rate_hz=_NUMBER, tracking_error_m=_NUMBER, neighbours=_NUMBER,
     targets=_NUMBER, cost=_NUMBER, lower_bound=_NUMBER, epsilon=_NUMBER, delta_m=_NUMBER, width=_NUMBER,
-    nodes=_NUMBER,
+    nodes=_NUMBER, link_loss=_NUMBER, radio_loss_max=_NUMBER, delay_s=_NUMBER,
 )  # fmt: skip
 TARGETS = _object(
     "arvi.Targets", timestamp=_TIME,

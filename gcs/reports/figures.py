@@ -26,6 +26,7 @@ __all__ = ["FIGURES", "draw_all"]
 _INK = "#1c2229"
 _MUTED = "#8793a0"
 _WIDE = (7.2, 3.0)
+_LAST_S = 30.0
 _STATES = {
     FlightState.WAIT: "#d5dae0",
     FlightState.STANDBY: "#b4bcc6",
@@ -70,12 +71,15 @@ def _map(flight: FlightSeries) -> Figure:
     for corners in scenario.mission.obstacles:
         axes.add_patch(Polygon([(e, n) for n, e in corners], facecolor="#c9cfd6", edgecolor=_MUTED))
     for places in flight.truth_m.values():
-        axes.plot([e for _, e in places], [n for n, _ in places], color=_INK, linewidth=0.5, alpha=0.25)
+        axes.plot([e for _, e in places], [n for n, _ in places], color=_INK, linewidth=0.4, alpha=0.15)
     for i, (vehicle_id, series) in enumerate(flight.vehicles.items()):
         keep = [bounds.plausible(n, e) for n, e in zip(series.north_m, series.east_m, strict=True)]
         easts = np.where(keep, series.east_m, math.nan)
         norths = np.where(keep, series.north_m, math.nan)
-        axes.plot(easts, norths, color=vehicle_colour(i), linewidth=1.1, alpha=0.75, label=f"vehicle {vehicle_id}")
+        colour, end_s = vehicle_colour(i), flight.final.time_s - flight.zero_s
+        last = [end_s - _LAST_S <= time <= end_s for time in flight.times_s]
+        axes.plot(easts, norths, color=colour, linewidth=0.7, alpha=0.4)
+        axes.plot(np.where(last, easts, math.nan), norths, color=colour, linewidth=1.8, label=f"vehicle {vehicle_id}")
     for vehicle in scenario.vehicles:
         axes.plot(vehicle.home[1], vehicle.home[0], marker="s", color=_INK, markersize=4)
         axes.annotate(str(vehicle.id), (vehicle.home[1], vehicle.home[0]), (4, 4), textcoords="offset points")
@@ -123,7 +127,7 @@ def _map(flight: FlightSeries) -> Figure:
 def _entropy(flight: FlightSeries) -> Figure:
     figure, axes = _over_time(flight, "entropy, nats")
     for values in flight.target_entropy_nats.values():
-        axes.plot(flight.times_s, values, color=_MUTED, linewidth=0.7, alpha=0.7)
+        axes.plot(flight.times_s, values, color=_MUTED, linewidth=0.6, alpha=0.5)
     axes.plot(flight.times_s, _until_landing(flight, flight.entropy_nats), color=BLUE, linewidth=1.8)
     _legend(axes, {"mean over targets and robots": (BLUE, 1.8), "each target's surest estimate": (_MUTED, 0.7)})
     return figure
@@ -135,7 +139,7 @@ def _rmse(flight: FlightSeries) -> Figure:
         _nothing(axes, "the true places are not known")
         return figure
     for values in flight.target_error_m.values():
-        axes.plot(flight.times_s, values, color=_MUTED, linewidth=0.7, alpha=0.7)
+        axes.plot(flight.times_s, values, color=_MUTED, linewidth=0.6, alpha=0.5)
     axes.plot(flight.times_s, _until_landing(flight, flight.rmse_m), color=GREEN, linewidth=1.8)
     _legend(axes, {"RMSE over targets and robots": (GREEN, 1.8), "each target's surest estimate": (_MUTED, 0.7)})
     axes.set_ylim(bottom=0.0)
@@ -184,26 +188,23 @@ def _planning(flight: FlightSeries) -> Figure:
 
 
 def _links(flight: FlightSeries) -> Figure:
-    figure = Figure(figsize=(7.2, 3.8))
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    lossy = False
+    figure = Figure(figsize=(7.2, 4.6))
+    rows = figure.subplots(3, 1, sharex=True)
     for i, (vehicle_id, series) in enumerate(flight.vehicles.items()):
         style: dict[str, Any] = {"color": vehicle_colour(i), "linewidth": 1.2, "label": f"vehicle {vehicle_id}"}
-        if any(math.isfinite(value) for value in series.loss):
-            lossy = True
-            upper.plot(flight.times_s, [100 * value for value in series.loss], **style)
+        rows[0].plot(flight.times_s, [100 * value for value in series.loss], **style)
+        rows[1].plot(flight.times_s, [100 * value for value in series.radio_loss], **style)
         # Lines of equal height would hide each other.
         shift = 0.06 * (i - 0.5 * (len(flight.vehicles) - 1))
-        lower.step(flight.times_s, [value + shift for value in series.neighbours], where="post", **style)
-    if not lossy:
-        _nothing(upper, "no frames")
-    _mark(upper, flight)
-    _mark(lower, flight)
-    upper.set(ylabel="lost to\nthe ground, %")
-    upper.set_ylim(bottom=0.0, top=max(1.0, upper.get_ylim()[1]))
-    lower.set(ylabel="neighbours\nheard", xlabel=_time_label(flight))
-    lower.yaxis.set_major_locator(MaxNLocator(integer=True))
-    lower.legend(fontsize=8, ncols=5, loc="lower center")
+        rows[2].step(flight.times_s, [value + shift for value in series.neighbours], where="post", **style)
+    for axes, label in zip(rows, ("lost to the\nground, %", "radio, worst\nloss, %", "neighbours\nheard"), strict=True):
+        axes.set_ylabel(label, fontsize=8)
+        _mark(axes, flight)
+    for axes in rows[:2]:
+        axes.set_ylim(-0.03 * max(5.0, axes.get_ylim()[1]), max(5.0, axes.get_ylim()[1]))
+    rows[2].set_xlabel(_time_label(flight))
+    rows[2].yaxis.set_major_locator(MaxNLocator(integer=True))
+    figure.legend(handles=rows[0].get_legend_handles_labels()[0][:10], loc="outside lower center", ncols=5, fontsize=8)
     return figure
 
 
@@ -305,8 +306,8 @@ def _runs(times: list[float], states: list[FlightState | None]) -> list[tuple[fl
 FIGURES: dict[str, tuple[Callable[[FlightSeries], Figure], str]] = {
     "map": (
         _map,
-        "Trails of the whole flight. Estimates, 95 % ellipses, true places and explored area (blue) are those of the "
-        "moment at which landing began, or of the end.",
+        "Trails of the whole flight; thick: the last 30 s before landing began, or before the end. Estimates, 95 % "
+        "ellipses, true places and explored area (blue) are those of that moment.",
     ),
     "entropy": (_entropy, "How unsure the team is of the targets that it knows; less is better."),
     "rmse": (_rmse, "How far the estimates are from the truth, at each step over all robots that know a target."),
@@ -314,7 +315,8 @@ FIGURES: dict[str, tuple[Callable[[FlightSeries], Figure], str]] = {
     "planning": (_planning, "Time that each plan took, against the time that it was given."),
     "links": (
         _links,
-        "Frames that did not reach the ground, in windows of ten seconds, and how many robots each one hears.",
+        "Frames lost on each vehicle's link to the ground in the last ten seconds, and from the neighbour it hears "
+        "worst; how many neighbours it hears.",
     ),
     "tracking": (_tracking, "Horizontal distance from the planned trajectory, as each vehicle reports it."),
     "timeline": (_timeline, "Flight states, and the events from notices up."),

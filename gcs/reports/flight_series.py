@@ -43,7 +43,8 @@ class VehicleSeries:
         east_m: Mission frame, m.
         tracking_error_m: Horizontal distance from the planned trajectory, m.
         neighbours: How many it hears.
-        loss: Frames lost on its link to the ground, 0 to 1.
+        loss: Frames lost on its link to the ground in the last ten seconds, 0 to 1.
+        radio_loss: Frames lost from the neighbour that it hears worst, 0 to 1.
         states: What its onboard process did; None while it was silent.
         plans: Its plans.
     """
@@ -53,6 +54,7 @@ class VehicleSeries:
     tracking_error_m: list[float] = field(default_factory=list)
     neighbours: list[float] = field(default_factory=list)
     loss: list[float] = field(default_factory=list)
+    radio_loss: list[float] = field(default_factory=list)
     states: list[FlightState | None] = field(default_factory=list)
     plans: list[PlanPoint] = field(default_factory=list)
 
@@ -184,6 +186,8 @@ def _add_vehicle(series: VehicleSeries, vehicle: VehicleState, zero_s: float, st
     series.east_m.append(_known(vehicle.east_m))
     series.tracking_error_m.append(_known(vehicle.tracking_error_m))
     series.neighbours.append(float(len(vehicle.neighbours)) if vehicle.onboard_alive else _NAN)
+    series.loss.append(_known(vehicle.link.loss if vehicle.link is not None else None))
+    series.radio_loss.append(_known(max(vehicle.peer_loss.values(), default=None) if vehicle.onboard_alive else None))
     series.states.append(vehicle.flight_state if vehicle.onboard_alive else None)
     plan: PeerPlan | None = vehicle.plan
     if plan is not None:

@@ -81,7 +81,7 @@ def test_the_plain_reader_finds_every_topic_with_content_that_fits_its_schema(fl
     assert seen["/tf"] == pytest.approx(shown / 2, rel=0.1), "five moments a second"
     assert seen["/events"] == len(flown.events)
     assert seen["/arena"] == 1
-    scenes = {"/vehicles", "/trails", "/plans", "/estimates", "/radio", "/truth", "/explored"}
+    scenes = {"/vehicles", "/trails", "/plans", "/estimates", "/radio", "/truth", "/explored", "/landmarks"}
     assert seen.keys() == scenes | {"/tf", "/arena", "/events", "/team", "/targets"} | {
         f"/vehicle_{vehicle.id}" for vehicle in flown.scenario.vehicles
     }
