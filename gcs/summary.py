@@ -6,6 +6,7 @@ What is not known is null; nothing is filled in.
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 from dataclasses import dataclass
@@ -145,7 +146,7 @@ def render(summary: dict[str, Any]) -> RenderableType:
             _shown(vehicle["deadline_misses"], 0),
             _shown(_milli(vehicle["planning_time_p99_s"]), 0, " ms"),
             _shown(vehicle["peer_bytes_per_s"], 0, " B/s"),
-            _shown(vehicle["tracking_error_rms_m"], 2, " m"),
+            _off_track(vehicle),
             _shown(vehicle["min_separation_m"], 2, " m"),
             _ending(vehicle),
         )
@@ -153,6 +154,7 @@ def render(summary: dict[str, Any]) -> RenderableType:
 
 
 def _vehicle(vehicle_id: int, figures: VehicleFigures) -> dict[str, Any]:
+    true = figures.true_tracking
     return {
         "id": vehicle_id,
         "setpoint_rate_hz": _rounded(figures.setpoint_rate_hz, 3),
@@ -164,6 +166,9 @@ def _vehicle(vehicle_id: int, figures: VehicleFigures) -> dict[str, Any]:
         "peer_bytes_per_s": _rounded(figures.peer_bytes_per_s, 1),
         "peer_bytes_received_per_s": _rounded(figures.peer_bytes_received_per_s, 1),
         "tracking_error_rms_m": _rounded(figures.tracking_error_rms_m, 4),
+        "true_tracking_error_rms_m": _rounded(true.position_rms_m if true is not None else None, 4),
+        "true_tracking_error_max_m": _rounded(true.position_max_m if true is not None else None, 4),
+        "true_yaw_error_rms_deg": _rounded(math.degrees(true.yaw_rms_rad) if true is not None else None, 2),
         "min_separation_m": _rounded(figures.min_separation_m, 3),
         "landed": figures.landed,
         "disarmed": figures.disarmed,
@@ -184,9 +189,18 @@ def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
+def _off_track(vehicle: dict[str, Any]) -> str:
+    """Truly, with the heading's error, where that is known; else as the vehicle believes."""
+    if vehicle["true_tracking_error_rms_m"] is None:
+        return _shown(vehicle["tracking_error_rms_m"], 2, " m")
+    return _shown(vehicle["true_tracking_error_rms_m"], 2, " m") + _shown(
+        vehicle["true_yaw_error_rms_deg"], 0, "°", " "
+    )
+
+
 def _milli(value: float | None) -> float | None:
     return None if value is None else 1e3 * value
 
 
-def _shown(value: float | None, digits: int, unit: str = "") -> str:
-    return "–" if value is None else f"{value:z.{digits}f}{unit}"
+def _shown(value: float | None, digits: int, unit: str = "", before: str = "") -> str:
+    return "–" if value is None else f"{before}{value:z.{digits}f}{unit}"

@@ -8,6 +8,7 @@ from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.explored import ExploredArea, ExploredMonitor
 from gcs.metrics import EstimateMetrics, MetricsFigures, NotGaussianError, TargetState
 from gcs.output import printable
+from gcs.tracking import TrackingMonitor
 from gcs.vehicle import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleMonitor, VehicleState
 from onboard.clock import MissionClock
 from onboard.config import Scenario
@@ -116,7 +117,10 @@ class TeamMonitor:
         self._explored = ExploredMonitor(scenario)
         self._texts = StatusTextAssembler()
         self._simulation = scenario.simulation
-        self._vehicles = {vehicle.id: VehicleMonitor(vehicle.id) for vehicle in scenario.vehicles}
+        self._vehicles = {
+            vehicle.id: VehicleMonitor(vehicle.id, TrackingMonitor(scenario.primitive_set, self._grid))
+            for vehicle in scenario.vehicles
+        }
         self._events: list[Event] = []
         self._lost: set[tuple[int, int]] = set()
         self._read_s: dict[tuple[int, int], float] = {}

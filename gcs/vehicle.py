@@ -7,6 +7,8 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from gcs.tracking import TrackingFigures, TrackingMonitor
+from onboard.geometry import Pose
 from onboard.messages import FlightState, PeerPlan
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.ardupilot_modes import CopterMode
@@ -130,7 +132,9 @@ class VehicleFigures:
         planning_budget_s: Time that a plan was given, at the median, s.
         peer_bytes_per_s: Sent to its peers per second while tracking, bytes/s.
         peer_bytes_received_per_s: Received from its peers per second while tracking, bytes/s.
-        tracking_error_rms_m: Root mean square of the horizontal distance from the planned trajectory, m.
+        tracking_error_rms_m: Root mean square of the horizontal distance from the planned trajectory, as the vehicle
+            knows its place itself, m.
+        true_tracking: The same with its true place and heading, where somebody tells it.
         min_separation_m: Smallest true distance in three dimensions to another vehicle, m.
         landed: Whether it flew and is on the ground again.
         disarmed: Whether its motors are off.
@@ -145,6 +149,7 @@ class VehicleFigures:
     peer_bytes_per_s: float | None
     peer_bytes_received_per_s: float | None
     tracking_error_rms_m: float | None
+    true_tracking: TrackingFigures | None
     min_separation_m: float | None
     landed: bool
     disarmed: bool | None
@@ -154,10 +159,15 @@ class VehicleMonitor:
     """Takes a vehicle's messages and keeps what the ground needs of them.
 
     Times that are passed in are the moments of reception, in s of one clock.
+
+    Args:
+        vehicle_id: System id.
+        tracking: Compares its true place with its plans; None does not.
     """
 
-    def __init__(self, vehicle_id: int) -> None:
+    def __init__(self, vehicle_id: int, tracking: TrackingMonitor | None = None) -> None:
         self.id = vehicle_id
+        self._true_tracking = tracking
         self._heartbeat: mavlink.MAVLink_heartbeat_message | None = None
         self._autopilot_s: float | None = None
         self._onboard_s: float | None = None
@@ -222,6 +232,8 @@ class VehicleMonitor:
     def plan(self, plan: PeerPlan) -> None:
         """ARVI_PLAN, once an epoch."""
         self._plan = plan
+        if self._true_tracking is not None:
+            self._true_tracking.plan(plan)
         self._planning_times_s.append(plan.planning_time_s)
         self._budgets_s.append(plan.budget_s)
 
@@ -232,6 +244,8 @@ class VehicleMonitor:
     def truth(self, message: mavlink.MAVLink_vehicle_truth_message) -> None:
         """VEHICLE_TRUTH, of a simulated vehicle."""
         self._truth = message
+        if self._true_tracking is not None and self.flight_state is FlightState.TRACK:
+            self._true_tracking.truth(message.time_usec * 1e-6, Pose(message.north, message.east, message.yaw))
 
     def battery(self, remaining_percent: int) -> None:
         """SYS_STATUS.battery_remaining, %; −1 is unknown."""
@@ -353,6 +367,7 @@ class VehicleMonitor:
             peer_bytes_per_s=_rate(self._tracking, "peer_bytes_sent"),
             peer_bytes_received_per_s=_rate(self._tracking, "peer_bytes_received"),
             tracking_error_rms_m=math.sqrt(self._tracking_error_sum / errors) if errors else None,
+            true_tracking=self._true_tracking.figures() if self._true_tracking is not None else None,
             min_separation_m=separation,
             landed=self._landed(),
             disarmed=None if self.armed is None else not self.armed,
