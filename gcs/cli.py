@@ -17,6 +17,7 @@ import typer
 from gcs.conformance_command import conformance
 from gcs.experiment_command import experiment
 from gcs.keygen_command import keygen
+from gcs.mocap_command import mocap
 from gcs.plan_command import plan
 from gcs.preflight_command import preflight
 from gcs.recording_commands import compare, replay, report
@@ -252,6 +253,7 @@ def check(
 app.command()(plan)
 app.command()(preflight)
 app.command()(experiment)
+app.command()(mocap)
 app.command()(keygen)
 app.command()(conformance)
 app.command()(replay)
