@@ -5,6 +5,7 @@ these.
 """
 
 import functools
+from pathlib import Path
 
 import pytest
 
@@ -42,3 +43,11 @@ def test_answers_as_recorded(family, entry):
 @pytest.mark.parametrize(("family", "least"), [(Family.PX4, 100), (Family.ARDUPILOT, 80)])
 def test_catalogues_are_large(family, least):
     assert len(load_catalogue(family).entries) >= least
+
+
+def test_what_differs_is_documented():
+    page = (Path(__file__).parents[2] / "docs" / "conformance.md").read_text(encoding="utf-8")
+    for family in Family:
+        for entry in load_catalogue(family).entries:
+            if entry.unlike is not None or entry.since:
+                assert f"`{entry.id}`" in page
