@@ -48,6 +48,9 @@ def conformance(
         typer.Option(metavar="PATTERN", help="Entries or groups, e.g. setpoint, 'mode/*'; repeatable."),
     ] = None,
     fly: Annotated[bool, typer.Option("--fly", help="Also what starts motors and flies.")] = False,
+    mocap: Annotated[
+        bool, typer.Option("--mocap", help="A vehicle without GPS, fed with the truth that its simulator tells.")
+    ] = False,
     dangerous: Annotated[
         bool, typer.Option("--dangerous", help="Also what lets the vehicle fall or crashes its autopilot.")
     ] = False,
@@ -69,6 +72,8 @@ def conformance(
 
     - `arvi conformance udpin://0.0.0.0:14540 --fly --json result.json`: PX4 in the loop
 
+    - `arvi conformance udpin://0.0.0.0:14540 --mocap --fly`: the same without GPS, on motion capture
+
     - `arvi conformance udpin://0.0.0.0:14640 --only parameter --only 'mode/*'`: a part, on the ground
 
     Exits with 0 when all that was performed holds, 1 when something differs, 2 when nothing could be performed.
@@ -79,12 +84,13 @@ def conformance(
         _refuse(f"--json {json_file}: the folder {json_file.parent} does not exist")
     from gcs.conformance_table import Progress, print_entries, print_summary
     from gcs.output import open_console
-    from sim_bridge.conformance import Family, Link, Outcome, Plan, load_catalogue, select
+    from sim_bridge.conformance import Family, Link, Outcome, Plan, Position, load_catalogue, select
 
     family = None if autopilot is None else Family(autopilot)
     if url.startswith(_SIMULATED):
         family = _simulated_family(url, family)
-    plan = Plan(Link(link), tuple(only or ()), fly=fly, dangerous=dangerous, latency_s=latency)
+    position = Position.MOCAP if mocap else Position.GPS
+    plan = Plan(Link(link), position, tuple(only or ()), fly=fly, dangerous=dangerous, latency_s=latency)
     families = [family] if family is not None else list(Family)
     if not any(select(load_catalogue(known), plan) for known in families):
         _refuse(f"--only {' '.join(plan.only)}: no entry of this name; arvi conformance {url} --list shows them")

@@ -1,6 +1,15 @@
 """Conformance: does an autopilot, simulated or real, answer as the recorded ones did?"""
 
-from sim_bridge.conformance.catalogue import Catalogue, CatalogueError, Entry, Family, Link, State, load_catalogue
+from sim_bridge.conformance.catalogue import (
+    Catalogue,
+    CatalogueError,
+    Entry,
+    Family,
+    Link,
+    Position,
+    State,
+    load_catalogue,
+)
 from sim_bridge.conformance.session import Outcome, Plan, Result, Session, family_of, select
 
 __all__ = [
@@ -11,6 +20,7 @@ __all__ = [
     "Link",
     "Outcome",
     "Plan",
+    "Position",
     "Result",
     "Session",
     "State",

@@ -20,11 +20,13 @@ from sim_bridge.errors import BridgeError
 
 __all__ = [
     "TIME_CLASSES_S",
+    "Capture",
     "Catalogue",
     "CatalogueError",
     "Entry",
     "Family",
     "Link",
+    "Position",
     "State",
     "Step",
     "load_catalogue",
@@ -59,6 +61,13 @@ class Link(StrEnum):
 
     ONBOARD = "onboard"
     GCS = "gcs"
+
+
+class Position(StrEnum):
+    """Where the vehicle's position comes from."""
+
+    GPS = "gps"
+    MOCAP = "mocap"
 
 
 class State(StrEnum):
@@ -240,6 +249,26 @@ class Parameter(_Data):
     parameter: dict[str, float | int]
 
 
+class Capture(_Data):
+    """What a motion capture system sends.
+
+    Attributes:
+        kind: ODOMETRY, VISION_POSITION_ESTIMATE or ATT_POS_MOCAP.
+        estimator: MAV_ESTIMATOR_TYPE of ODOMETRY; 2 is vision, 6 motion capture.
+        offset: Added to the true position: north, east, down, m.
+    """
+
+    kind: Literal["odometry", "vision", "attitude-position"] = "odometry"
+    estimator: int = 2
+    offset: Vector = (0.0, 0.0, 0.0)
+
+
+class Mocap(_Data):
+    """From now on send this motion capture, or none; times that follow count from here."""
+
+    mocap: Capture | None
+
+
 class Ground(_Data):
     """Send heartbeats of a ground station, too, from now on."""
 
@@ -262,6 +291,7 @@ Step = (
     | Text
     | Ready
     | Parameter
+    | Mocap
     | Ground
 )
 
@@ -274,6 +304,7 @@ class Entry(_Data):
         source: Recording and its time, s, or a paragraph of protocol.md.
         state: What has to be so before.
         link: Which link it is about.
+        position: Where the vehicle's position has to come from.
         dangerous: Whether it may crash a real autopilot.
         since: What releases from this one on do instead, e.g. ``"1.16"``; nothing where it is no longer so.
         unlike: Why the simulated autopilot differs, if it does.
@@ -284,6 +315,7 @@ class Entry(_Data):
     source: str
     state: State
     link: Link = Link.ONBOARD
+    position: Position = Position.GPS
     dangerous: bool = False
     since: dict[Annotated[str, Field(pattern=r"^\d+\.\d+$")], list[Step]] = {}
     unlike: str | None = None

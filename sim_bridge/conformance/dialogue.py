@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from onboard.protocol import dialect as mavlink
+from sim_bridge.conformance.catalogue import Capture
+from sim_bridge.conformance.mocap_feed import MocapFeed
 
 __all__ = [
     "COMPANION",
@@ -118,6 +120,7 @@ class Dialogue:
         sent_s: When something was last sent on purpose (heartbeats aside), s.
         sent_at: How many messages had been heard then.
         stream: The setpoint that is being streamed.
+        feed: Motion capture for a vehicle without GPS.
         ground: Whether heartbeats of a ground station are sent, too.
         heartbeat: The autopilot's last heartbeat.
         ready: SYS_STATUS's pre-arm health bit; None before the first.
@@ -134,6 +137,7 @@ class Dialogue:
     sent_s: float = -math.inf
     sent_at: int = 0
     stream: SetpointStream | None = None
+    feed: MocapFeed | None = None
     ground: bool = False
     heartbeat: mavlink.MAVLink_heartbeat_message | None = None
     heartbeat_s: float = -math.inf
@@ -161,6 +165,13 @@ class Dialogue:
             return
         self.heard.append(Heard(time_s, message))
         self.last_s[message.get_msgId()] = time_s
+        if self.feed is not None:
+            self.feed.receive(message, time_s)
+        self._learn(message)
+
+    def _learn(self, message: mavlink.MAVLink_message) -> None:
+        """What a message tells of the vehicle."""
+        time_s = self.time_s
         match message:
             case mavlink.MAVLink_heartbeat_message():
                 self.heartbeat, self.heartbeat_s = message, time_s
@@ -189,6 +200,8 @@ class Dialogue:
             self._beat(mavlink.MAV_TYPE_ONBOARD_CONTROLLER, self.companion)
             if self.ground:
                 self._beat(mavlink.MAV_TYPE_GCS, GROUND)
+        if self.feed is not None:
+            self._out += [Outgoing(message, self.companion) for message in self.feed.due(time_s)]
         stream = self.stream
         if stream is not None and time_s >= stream.next_s:
             late = time_s - stream.next_s > stream.interval_s
@@ -249,6 +262,12 @@ class Dialogue:
         self.stream = stream
         self._mark(self.time_s, len(self.heard))
         self.tick(self.time_s)
+
+    def feed_mocap(self, capture: Capture | None) -> None:
+        """Send this motion capture from now on, or none; times of what is expected count from here."""
+        if self.feed is not None:
+            self.feed.capture = capture
+            self._mark(self.time_s, len(self.heard))
 
     def end_stream(self) -> None:
         """Stop streaming; times of what is expected count from the last setpoint."""

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from onboard.protocol import dialect as mavlink
-from sim_bridge.conformance.catalogue import Family, State
+from sim_bridge.conformance.catalogue import Capture, Family, State
 from sim_bridge.conformance.dialogue import AUTOPILOT, Dialogue, Script, SetpointStream
+from sim_bridge.conformance.mocap_feed import truth_message
 
 __all__ = ["TAKEOFF_HEIGHT_M", "Pilot", "StateNotReachedError", "make_pilot"]
 
@@ -30,6 +31,11 @@ _HEARTBEAT_S = 2.5
 _ACK_S = 2.0
 _STALE_S = 1.0
 _SETTLE_S = 1.2
+_ORIGIN_S = 5.0
+_SOMEWHERE = (473977420, 85455940, 488000)
+"""Latitude and longitude, 1e-7 deg, altitude, mm."""
+
+_TRUTH_HZ = 50.0
 _HOLD_YAW_RAD = 0.3
 _POSITION_AND_YAW = 0x9F8
 _ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
@@ -56,6 +62,7 @@ class Pilot:
     anchor: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _anchored: bool = False
     _patience_s: float = _READY_S
+    _origin_told: bool = False
 
     def reach(self, state: State) -> Script[None]:
         """Get into a state.
@@ -75,6 +82,8 @@ class Pilot:
             if self.dialogue.ready or self.dialogue.armed:
                 raise StateNotReachedError("it is ready already; start the autopilot anew to see this")
             return
+        if self.dialogue.feed is not None:
+            self.dialogue.feed.capture = Capture()
         if state in (State.READY, State.ARMED):
             yield from self._ground()
             if state is State.ARMED:
@@ -120,7 +129,10 @@ class Pilot:
         if dialogue.release is None:
             yield from self._accepted(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
             yield from dialogue.wait(lambda: dialogue.release is not None, _ACK_S)
-        for message_id, rate_hz in self._RATES_HZ.items():
+        rates_hz = dict(self._RATES_HZ)
+        if dialogue.feed is not None:
+            rates_hz[truth_message(dialogue.feed.family)] = _TRUTH_HZ
+        for message_id, rate_hz in rates_hz.items():
             if dialogue.time_s - dialogue.last_s.get(message_id, -math.inf) > _STALE_S:
                 yield from self._accepted(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
         yield from dialogue.wait(lambda: dialogue.ready is not None, _HEARTBEAT_S)
@@ -145,9 +157,24 @@ class Pilot:
             if dialogue.custom_mode != self.base_mode:
                 yield from self._set_mode(self.base_mode)
                 yield from dialogue.sleep(_SETTLE_S)  # what is ready depends on the mode
+            elif dialogue.feed is not None and not self._origin_told:
+                yield from self._tell_origin()
             else:
                 yield from dialogue.wait(lambda: bool(dialogue.ready), _SETTLE_S)
         self._patience_s = _READY_S
+
+    def _tell_origin(self) -> Script[None]:
+        """Without GPS the autopilot does not know where on Earth its frame is, and some modes want to."""
+        dialogue = self.dialogue
+        yield from dialogue.sleep(_ORIGIN_S)  # first its estimator takes to the motion capture
+        latitude, longitude, altitude_mm = _SOMEWHERE
+        dialogue.send(
+            mavlink.MAVLink_set_gps_global_origin_message(dialogue.system_id, latitude, longitude, altitude_mm)
+        )
+        kind = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+        self._origin_told = yield from dialogue.wait(
+            lambda: dialogue.first(lambda message: message.get_msgId() == kind) is not None, _ACK_S
+        )
 
     def _down(self) -> Script[None]:
         dialogue = self.dialogue

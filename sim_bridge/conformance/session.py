@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from onboard.protocol import dialect as mavlink
-from sim_bridge.conformance.catalogue import Catalogue, Entry, Family, Link, State
+from sim_bridge.conformance.catalogue import Catalogue, Entry, Family, Link, Position, State
 from sim_bridge.conformance.dialogue import Dialogue, Outgoing, Script, Wait
+from sim_bridge.conformance.mocap_feed import MocapFeed
 from sim_bridge.conformance.parameters import ParameterKeeper
 from sim_bridge.conformance.pilot import StateNotReachedError, make_pilot
 from sim_bridge.conformance.steps import DifferenceError, Performance
@@ -56,6 +57,7 @@ class Plan:
 
     Attributes:
         link: Which of the autopilot's links is spoken to.
+        position: Where the vehicle's position comes from; of a vehicle without GPS its simulator has to tell the truth.
         only: Patterns of ids (as of a shell); none for all.
         fly: Whether motors may run.
         dangerous: Whether entries that crash an autopilot may be performed.
@@ -63,6 +65,7 @@ class Plan:
     """
 
     link: Link = Link.ONBOARD
+    position: Position = Position.GPS
     only: tuple[str, ...] = ()
     fly: bool = False
     dangerous: bool = False
@@ -77,7 +80,8 @@ def family_of(heartbeat: mavlink.MAVLink_heartbeat_message) -> Family | None:
 def select(catalogue: Catalogue, plan: Plan) -> list[tuple[Entry, str]]:
     """The entries that the patterns name, in the order in which they are performed, each with why it is not, if so."""
     states = list(State)
-    chosen = [entry for entry in catalogue.entries if not plan.only or _matches(entry.id, plan.only)]
+    chosen = [entry for entry in catalogue.entries if entry.position is plan.position and entry.link is plan.link]
+    chosen = [entry for entry in chosen if not plan.only or _matches(entry.id, plan.only)]
     chosen.sort(key=lambda entry: (entry.dangerous, states.index(entry.state)))
     return [(entry, _hindrance(entry, plan)) for entry in chosen]
 
@@ -87,8 +91,6 @@ def _matches(name: str, patterns: Iterable[str]) -> bool:
 
 
 def _hindrance(entry: Entry, plan: Plan) -> str:
-    if entry.link is not plan.link:
-        return f"about the {entry.link} link"
     if entry.dangerous and not plan.dangerous:
         return "may crash the autopilot: needs --dangerous"
     if entry.flies and not plan.fly:
@@ -118,6 +120,8 @@ class Session:
         self.finished = False
         self.problem = ""
         self.dialogue = Dialogue()
+        if plan.position is Position.MOCAP:
+            self.dialogue.feed = MocapFeed(catalogue.family)
         self._pilot = make_pilot(catalogue.family, self.dialogue, catalogue.modes)
         self._keeper = ParameterKeeper(self.dialogue, catalogue.family)
         self._script: Script[None] = self._run(select(catalogue, plan))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from onboard.config.simulation import OriginConfig, VehicleDynamicsConfig
 from onboard.protocol import dialect as mavlink
-from sim_bridge.autopilot import SimulatedAutopilot
+from sim_bridge.autopilot import INDOOR_PARAMETERS, SimulatedAutopilot
 from sim_bridge.autopilot.links import LinkName
-from sim_bridge.conformance.catalogue import Catalogue
+from sim_bridge.conformance.catalogue import Catalogue, Position
+from sim_bridge.conformance.mocap_feed import Truth
 from sim_bridge.conformance.session import Plan, Session
 from sim_bridge.vehicle import Vehicle
 
@@ -27,7 +29,7 @@ _LIMIT_S = 3600.0
 def run_simulated(
     catalogue: Catalogue, plan: Plan, *, seed: int = 1, watch: Callable[[Session], None] | None = None
 ) -> Session:
-    """Perform a plan against a simulated autopilot of the catalogue's family, outdoors on GPS.
+    """Perform a plan against a simulated autopilot of the catalogue's family, with GPS or without as the plan says.
 
     Args:
         catalogue: What is asked and expected.
@@ -37,11 +39,12 @@ def run_simulated(
     """
     session = Session(catalogue, plan)
     vehicle = Vehicle(VehicleDynamicsConfig(), (0.0, 0.0, 0.0), 0.0, rng=np.random.default_rng((seed, 1)))
+    indoors = plan.position is Position.MOCAP
     autopilot = SimulatedAutopilot(
         SYSTEM_ID,
         vehicle,
-        origin=OriginConfig(),
-        parameters={},
+        origin=None if indoors else OriginConfig(),
+        parameters=INDOOR_PARAMETERS if indoors else {},
         rng=np.random.default_rng((seed, 2)),
         boot_time_s=0.0,
         alignment_s=ALIGNMENT_S,
@@ -52,11 +55,22 @@ def run_simulated(
         steps += 1
         time_s = steps * STEP_S
         autopilot.step(time_s, STEP_S)
+        if session.dialogue.feed is not None:
+            session.dialogue.feed.see(_truth(vehicle), time_s)
         session.advance(time_s)
         _exchange(session, autopilot, link, time_s)
         if watch is not None:
             watch(session)
     return session
+
+
+def _truth(vehicle: Vehicle) -> Truth:
+    half_yaw = 0.5 * vehicle.yaw_rad
+    return Truth(
+        (vehicle.north_m, vehicle.east_m, vehicle.down_m),
+        (vehicle.velocity_north_m_s, vehicle.velocity_east_m_s, vehicle.velocity_down_m_s),
+        (math.cos(half_yaw), 0.0, 0.0, math.sin(half_yaw)),
+    )
 
 
 def _exchange(session: Session, autopilot: SimulatedAutopilot, link: LinkName, time_s: float) -> None:

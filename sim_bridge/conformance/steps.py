@@ -17,6 +17,7 @@ from sim_bridge.conformance.catalogue import (
     Expect,
     Ground,
     Keeps,
+    Mocap,
     Motion,
     Moves,
     Never,
@@ -101,6 +102,8 @@ class Performance:
                 yield from dialogue.sleep(step.for_s)
             case Quiet():
                 dialogue.end_stream()
+            case Mocap(mocap=capture):
+                dialogue.feed_mocap(capture)
             case Wait(wait=duration_s):
                 yield from dialogue.sleep(duration_s)
             case Ack():

@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from sim_bridge.conformance import Family, Link, Outcome, Plan, load_catalogue
+from sim_bridge.conformance import Family, Outcome, Plan, load_catalogue
 from sim_bridge.conformance.simulated import run_simulated
 
 SIMULATED = [Family.PX4]
 
 
 @functools.cache
-def results(family, link):
-    session = run_simulated(load_catalogue(family), Plan(link=link, fly=True, dangerous=True))
+def results(family, link, position):
+    session = run_simulated(load_catalogue(family), Plan(link=link, position=position, fly=True, dangerous=True))
     assert session.problem == ""
     return {result.entry.id: result for result in session.results}
 
@@ -32,7 +32,7 @@ def cases():
 
 @pytest.mark.parametrize(("family", "entry"), cases())
 def test_answers_as_recorded(family, entry):
-    result = results(family, Link(entry.link))[entry.id]
+    result = results(family, entry.link, entry.position)[entry.id]
     assert result.outcome is not Outcome.SKIPPED, result.reason
     if entry.unlike is None:
         assert result.reason == ""
