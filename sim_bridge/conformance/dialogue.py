@@ -33,6 +33,9 @@ GROUND = (255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
 
 _HEARTBEAT_S = 1.0
 _MOTION_MEMORY_S = 5.0
+_READINESS_S = 1.1
+"""ArduPilot makes its checks anew once a second."""
+
 _PREARM = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _NAN3 = (math.nan, math.nan, math.nan)
 
@@ -123,7 +126,6 @@ class Dialogue:
         feed: Motion capture for a vehicle without GPS.
         ground: Whether heartbeats of a ground station are sent, too.
         heartbeat: The autopilot's last heartbeat.
-        ready: SYS_STATUS's pre-arm health bit; None before the first.
         landed: From EXTENDED_SYS_STATE; None before the first.
         said: The autopilot's last warning, from STATUSTEXT.
         release: Major and minor version, from AUTOPILOT_VERSION; None before the first.
@@ -141,11 +143,13 @@ class Dialogue:
     ground: bool = False
     heartbeat: mavlink.MAVLink_heartbeat_message | None = None
     heartbeat_s: float = -math.inf
-    ready: bool | None = None
     landed: bool | None = None
     said: str = ""
     release: tuple[int, int] | None = None
     last_s: dict[int, float] = field(default_factory=dict)
+    _healthy: bool | None = None
+    _healthy_s: float = -math.inf
+    _mode_since_s: float = -math.inf
     _streamed: tuple[float, int] = (-math.inf, 0)
     _out: list[Outgoing] = field(default_factory=list)
     _samples: deque[_Sample] = field(default_factory=deque)
@@ -174,9 +178,12 @@ class Dialogue:
         time_s = self.time_s
         match message:
             case mavlink.MAVLink_heartbeat_message():
+                if message.custom_mode != self.custom_mode:
+                    self._mode_since_s = time_s
                 self.heartbeat, self.heartbeat_s = message, time_s
             case mavlink.MAVLink_sys_status_message():
-                self.ready = bool(message.onboard_control_sensors_health & _PREARM)
+                self._healthy = bool(message.onboard_control_sensors_health & _PREARM)
+                self._healthy_s = time_s
             case mavlink.MAVLink_statustext_message() if message.severity <= mavlink.MAV_SEVERITY_WARNING:
                 self.said = message.text
             case mavlink.MAVLink_extended_sys_state_message():
@@ -227,6 +234,11 @@ class Dialogue:
     def custom_mode(self) -> int | None:
         """From the last heartbeat."""
         return None if self.heartbeat is None else self.heartbeat.custom_mode
+
+    @property
+    def ready(self) -> bool | None:
+        """SYS_STATUS's pre-arm health bit; None before the first, and until it can be about the present mode."""
+        return self._healthy if self._healthy_s >= self._mode_since_s + _READINESS_S else None
 
     @property
     def position(self) -> Vector:

@@ -86,15 +86,18 @@ class MocapFeed:
         self._next_s = max(self._next_s + INTERVAL_S, time_s)
         north_m, east_m, down_m = (a + b for a, b in zip(truth.position, capture.offset, strict=True))
         w, x, y, z = truth.quaternion
+        stamp_us = round(1e6 * time_s)  # of the clock by which TIMESYNC is answered
         if capture.kind == "attitude-position":
-            return [mavlink.MAVLink_att_pos_mocap_message(0, [w, x, y, z], north_m, east_m, down_m)]
+            return [mavlink.MAVLink_att_pos_mocap_message(stamp_us, [w, x, y, z], north_m, east_m, down_m)]
         if capture.kind == "vision":
             roll, pitch, yaw = _angles(w, x, y, z)
-            return [mavlink.MAVLink_vision_position_estimate_message(0, north_m, east_m, down_m, roll, pitch, yaw)]
+            return [
+                mavlink.MAVLink_vision_position_estimate_message(stamp_us, north_m, east_m, down_m, roll, pitch, yaw)
+            ]
         frame, child, velocity = self._frames(truth)
         return [
             mavlink.MAVLink_odometry_message(
-                0,
+                stamp_us,
                 frame,
                 child,
                 *(north_m, east_m, down_m),

@@ -78,7 +78,8 @@ class Pilot:
         if state is State.UNREADY:
             if not self.dialogue.armed and self.dialogue.custom_mode != self.base_mode:
                 yield from self._set_mode(self.base_mode)
-                yield from self.dialogue.sleep(_SETTLE_S)  # what is ready depends on the mode
+                yield from self.dialogue.sleep(_SETTLE_S)
+            yield from self.dialogue.wait(lambda: self.dialogue.ready is not None, _HEARTBEAT_S)
             if self.dialogue.ready or self.dialogue.armed:
                 raise StateNotReachedError("it is ready already; start the autopilot anew to see this")
             return

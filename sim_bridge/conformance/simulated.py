@@ -9,9 +9,9 @@ import numpy as np
 
 from onboard.config.simulation import OriginConfig, VehicleDynamicsConfig
 from onboard.protocol import dialect as mavlink
-from sim_bridge.autopilot import INDOOR_PARAMETERS, SimulatedAutopilot
+from sim_bridge.autopilot import FIRMWARES, SimulatedAutopilot
 from sim_bridge.autopilot.links import LinkName
-from sim_bridge.conformance.catalogue import Catalogue, Position
+from sim_bridge.conformance.catalogue import Catalogue, Family, Position
 from sim_bridge.conformance.mocap_feed import Truth
 from sim_bridge.conformance.session import Plan, Session
 from sim_bridge.vehicle import Vehicle
@@ -19,9 +19,8 @@ from sim_bridge.vehicle import Vehicle
 __all__ = ["run_simulated"]
 
 STEP_S = 0.005
-ALIGNMENT_S = 33.0
-"""From the boot until the autopilot can be armed, s: as the recorded one."""
-
+ALIGNMENT_S = {Family.PX4: 33.0, Family.ARDUPILOT: 8.0}
+"""From the boot until tilt and heading are known, s, so that the autopilot can be armed when the recorded one could."""
 SYSTEM_ID = 1
 _LIMIT_S = 3600.0
 
@@ -44,10 +43,11 @@ def run_simulated(
         SYSTEM_ID,
         vehicle,
         origin=None if indoors else OriginConfig(),
-        parameters=INDOOR_PARAMETERS if indoors else {},
+        parameters=FIRMWARES[catalogue.family.value].indoor_parameters if indoors else {},
         rng=np.random.default_rng((seed, 2)),
         boot_time_s=0.0,
-        alignment_s=ALIGNMENT_S,
+        alignment_s=ALIGNMENT_S[catalogue.family],
+        firmware=catalogue.family.value,
     )
     link: LinkName = "gcs" if plan.link == "gcs" else "onboard"
     steps = 0
