@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -223,6 +224,84 @@ def gcs(
     )
 
 
+Via = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="Join the ground station whose shared port (ground.share) is at udpout:HOST:PORT; without this, the port "
+        "of a station on this machine, or the team's own if there is none.",
+    ),
+]
+
+
+@app.command()
+def monitor(config: Config, headless: Headless = False, via: Via = None) -> None:
+    """Show the team in the terminal: vehicles, figures and events; commands nothing.
+
+    Works beside a running `arvi fly` or `arvi gcs` on this machine, or alone, listening where a ground station would.
+
+    **Examples**
+
+    - `arvi monitor configs/lab.yaml`: beside `arvi fly configs/lab.yaml` in another shell
+
+    - `arvi monitor configs/lab.yaml --via udpout:10.0.0.5:14551`: beside a station elsewhere that shares its port
+    """
+    scenario = _load(config)
+    from gcs.monitor_command import run_monitor
+
+    raise typer.Exit(run_monitor(scenario, _via(via), headless=headless))
+
+
+class Word(StrEnum):
+    """What `arvi command` can be told."""
+
+    START = "start"
+    PAUSE = "pause"
+    RESUME = "resume"
+    FINISH = "finish"
+    HOLD = "hold"
+    LAND = "land"
+    RETURN = "return"
+    STOP = "stop"
+
+
+@app.command()
+def command(
+    config: Config,
+    action: Annotated[Word, typer.Argument(help="What to order.")],
+    vehicle: Annotated[
+        list[int] | None, typer.Option(metavar="N", help="System id; may be repeated. All vehicles without it.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    via: Via = None,
+) -> None:
+    """Give the team an order from a shell, and say what became of it.
+
+    start, pause, resume and finish (fly home and land) go to the onboard processes; hold, land, return and stop
+    straight to the autopilots. **stop turns the motors off: what flies falls.**
+
+    **Examples**
+
+    - `arvi command configs/lab.yaml land --yes`
+
+    - `arvi command configs/lab.yaml pause --vehicle 2 --yes`
+
+    Exits with 0 when every vehicle acknowledged, 1 otherwise.
+    """
+    scenario = _load(config)
+    known = [one.id for one in scenario.vehicles]
+    wrong = [i for i in vehicle or () if i not in known]
+    if wrong:
+        _refuse(f"--vehicle {wrong[0]}: no such vehicle in {config}; it has {', '.join(map(str, known))}")
+    ids = list(dict.fromkeys(vehicle or known))
+    what = "turn the MOTORS OFF of" if action is Word.STOP else action.value
+    if not yes and not typer.confirm(f"{what} vehicle{'s' * (len(ids) > 1)} {', '.join(map(str, ids))}?"):
+        raise typer.Exit(1)
+    from gcs.order_command import ACTIONS, run_order
+
+    raise typer.Exit(run_order(scenario, ACTIONS[action.value], ids, _via(via)))
+
+
 @app.command()
 def check(
     configs: Annotated[list[Path], typer.Argument(help="Scenario files.")],
@@ -296,6 +375,19 @@ def _forwarding(scenario: Scenario, forward: list[str] | None) -> Scenario:
         wrong = [str(e.get("input")) for e in error.errors()]
         _refuse(f"--forward {', '.join(wrong)}: udpout:HOST:PORT or udpin:HOST:PORT is needed, at most eight of them")
     return scenario.model_copy(update={"ground": more})
+
+
+def _via(url: str | None) -> str | None:
+    from onboard.protocol.transport import LinkUrl, TransportError
+
+    if url is None:
+        return None
+    try:
+        if LinkUrl.parse(url).kind == "udpout":
+            return url
+    except TransportError:
+        pass
+    _refuse(f"--via {url}: udpout:HOST:PORT is needed")
 
 
 def _refuse(text: str) -> NoReturn:

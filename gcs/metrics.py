@@ -14,8 +14,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from gcs.errors import GroundError
 from gcs.target_truth import TargetTruths
 from onboard.clock import MissionClock
@@ -103,26 +101,47 @@ def estimate(belief: Belief, clock: MissionClock) -> Estimate:
     Raises:
         NotGaussianError: Ω is not positive definite.
     """
-    try:
-        factor = np.linalg.cholesky(belief.information_matrix)
-    except np.linalg.LinAlgError:
-        raise NotGaussianError(
-            f"vehicle {belief.sender}'s belief of target {belief.target_id} has no positive definite information matrix"
-        ) from None
-    # Ω = L Lᵀ, so Σ = (L⁻¹)ᵀ L⁻¹ and log det Σ = −2 Σ log L_ii.
-    size = len(belief.information_vector)
-    whitener = np.linalg.solve(factor, np.eye(size))
-    mean = whitener.T @ (whitener @ belief.information_vector)
-    log_det = -2.0 * float(np.log(np.diag(factor)).sum())
-    covariance = whitener[:, :2].T @ whitener[:, :2]
+    # Ω = L Lᵀ. With L x = e₁, L y = e₂ and L z = ω: Σ₁₁ = x·x, Σ₁₂ = x·y, Σ₂₂ = y·y, mean = (x·z, y·z). By hand, with
+    # numbers of Python: a team of twenty tells of two thousand beliefs a second, and numpy takes five times as long.
+    matrix, vector = belief.information_matrix.tolist(), belief.information_vector.tolist()
+    factor: list[list[float]] = []
+    solved: list[tuple[float, float, float]] = []
+    log_det = 0.0
+    for i, row in enumerate(matrix):
+        entries: list[float] = []
+        x, y, z = float(i == 0), float(i == 1), vector[i]
+        for j, above in enumerate(factor):
+            value = row[j]
+            for k in range(j):
+                value -= entries[k] * above[k]
+            value /= above[j]
+            entries.append(value)
+            x_j, y_j, z_j = solved[j]
+            x, y, z = x - value * x_j, y - value * y_j, z - value * z_j
+        pivot = row[i]
+        for value in entries:
+            pivot -= value * value
+        if not pivot > 0.0:
+            raise NotGaussianError(
+                f"vehicle {belief.sender}'s belief of target {belief.target_id} has no positive definite information "
+                "matrix"
+            )
+        diagonal = math.sqrt(pivot)
+        factor.append([*entries, diagonal])
+        solved.append((x / diagonal, y / diagonal, z / diagonal))
+        log_det -= math.log(pivot)
+    north = cross = east = north_m = east_m = 0.0
+    for x, y, z in solved:
+        north, cross, east = north + x * x, cross + x * y, east + y * y
+        north_m, east_m = north_m + x * z, east_m + y * z
     return Estimate(
         robot=belief.sender,
         time_s=clock.time_of(belief.step),
-        north_m=float(mean[0]),
-        east_m=float(mean[1]),
-        position_std_m=float(np.sqrt(np.trace(covariance))),
-        entropy_nats=0.5 * (size * math.log(2.0 * math.pi * math.e) + log_det),
-        covariance_m2=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+        north_m=north_m,
+        east_m=east_m,
+        position_std_m=math.sqrt(north + east),
+        entropy_nats=0.5 * (len(vector) * math.log(2.0 * math.pi * math.e) + log_det),
+        covariance_m2=(north, cross, east),
     )
 
 

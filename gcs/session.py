@@ -13,7 +13,10 @@ from gcs.station import GroundStation
 from gcs.team import Event, TeamState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["Display", "StopRequests", "run_session"]
+__all__ = ["WATCHING", "Display", "StopRequests", "run_session"]
+
+WATCHING = "watching"
+"""The phase of a team that nobody here flies."""
 
 _TICK_S = 0.1
 _LAST_WORDS_S = 1.2
@@ -96,7 +99,7 @@ async def run_session(
         for event in station.team.take_events():
             display.event(event)
         if director is None:
-            display.show(team, "watching", None)
+            display.show(team, WATCHING, None)
         else:
             left_s = director.time_left_s(now_s) if director.landing_since_s is None else None
             display.show(team, director.phase.value, left_s)

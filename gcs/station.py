@@ -40,6 +40,7 @@ class GroundStation:
         director: Decides what is commanded; None only watches.
         desk: Where an operator's orders arrive, from any thread.
         switchboard: Its links.
+        scenario: Whose team it watches.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class GroundStation:
         self.team = TeamMonitor(scenario)
         self.director = director
         self.desk = desk if desk is not None else OperatorDesk()
-        self._scenario = scenario
+        self.scenario = scenario
         self._recorder = recorder
         self._clock = clock
         self._identity = (scenario.ground.system_id, component_id)
@@ -214,7 +215,7 @@ class GroundStation:
 
     def _start_s(self, team: TeamState) -> float:
         """UNIX time of step 0 for those who are started now: the team's, if that is still to come."""
-        mission = self._scenario.mission
+        mission = self.scenario.mission
         earliest_s = team.time_s + mission.takeoff_time_s
         if team.mission_start_s is not None and team.mission_start_s >= earliest_s:
             return team.mission_start_s

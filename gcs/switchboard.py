@@ -22,6 +22,9 @@ __all__ = ["SHARE", "Switchboard"]
 SHARE = "share"
 """Name of the link of programs on this machine."""
 
+_BUFFER_BYTES = 4 * 1024 * 1024
+"""Twenty vehicles tell of fifty targets each within milliseconds: the beliefs of one step."""
+
 _NEEDED_BY_MAVSDK = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE})
 """Of what vehicles broadcast; MAVSDK's actions need no more, and each frame costs both sides."""
 
@@ -72,6 +75,7 @@ class Switchboard:
         self._links[TEAM] = await open_datagram_link(
             team_url or self._ground.url, receive_from=partial(self.receive, TEAM)
         )
+        self._links[TEAM].widen(_BUFFER_BYTES)
         with contextlib.suppress(TransportError):
             # A program that has joined in is no place for others to do so, but MAVSDK needs one.
             url = self._ground.share_url if team_url is None else _free_url()

@@ -50,6 +50,9 @@ _THROTTLE_S = {mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.2, mavlink.MAVLINK_MSG_ID_LOCA
 """Messages that come more often than the ground needs them: one is read in this time, s."""
 
 
+_NAMED_PEERS = 5
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Something that an operator should know.
@@ -172,10 +175,10 @@ class TeamMonitor:
         self.metrics.advance(now_s)
         self._explored.advance(now_s)
         for vehicle in self._vehicles.values():
-            state = vehicle.state(now_s)
+            autopilot_age_s, onboard_age_s = vehicle.heartbeat_ages_s(now_s)
             for component, name, age in (
-                (AUTOPILOT, "autopilot", state.autopilot_age_s),
-                (ONBOARD, "onboard process", state.onboard_age_s),
+                (AUTOPILOT, "autopilot", autopilot_age_s),
+                (ONBOARD, "onboard process", onboard_age_s),
             ):
                 if age is None or age < HEARTBEAT_TIMEOUT_S or (vehicle.id, component) in self._lost:
                     continue
@@ -283,7 +286,8 @@ class TeamMonitor:
         """Say which radio links a vehicle has found and lost."""
         for words, peers in (("hears", after - before), ("no longer hears", before - after)):
             if peers:
-                text = f"{words} vehicle{'s' * (len(peers) > 1)} {', '.join(map(str, sorted(peers)))}"
+                named = f"vehicle{'s' * (len(peers) > 1)} {', '.join(map(str, sorted(peers)))}"
+                text = f"{words} {named if len(peers) <= _NAMED_PEERS else f'{len(peers)} vehicles'}"
                 self.note(now_s, mavlink.MAV_SEVERITY_INFO, f"vehicle {vehicle_id}", text)
 
     def _plan(self, message: mavlink.MAVLink_arvi_plan_message, vehicle: VehicleMonitor) -> None:

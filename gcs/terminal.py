@@ -9,16 +9,18 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, Group, JustifyMethod, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
 from gcs.arena_map import ArenaMap, vehicle_style
-from gcs.session import Display
+from gcs.dashboard.wording import number, vehicle_is_silent
+from gcs.session import WATCHING, Display
 from gcs.team import Event, TeamState
 from gcs.vehicle import VehicleState
 from onboard.config import Scenario
@@ -34,6 +36,7 @@ _EVENT_LINES = 40
 _OTHER_LINES = 10
 """Of the picture, besides one for each vehicle and those of the map and the events."""
 _LOW_BATTERY = 0.2
+_NAMED_NEIGHBOURS = 4
 _STATE_STYLES = {
     FlightState.TRACK: "green",
     FlightState.HOLD: "cyan",
@@ -118,9 +121,8 @@ class LiveDisplay:
         now_s = self._clock()
         if now_s >= self._next_s:
             self._next_s = now_s + _DRAW_PERIOD_S
-            picture = render_team(
-                team, self._map, list(self._events), self._title, phase, time_left_s, self._live.console.height
-            )
+            width, height = self._live.console.size
+            picture = render_team(team, self._map, list(self._events), self._title, phase, time_left_s, height, width)
             self._live.update(picture, refresh=True)
 
     def event(self, event: Event) -> None:
@@ -142,7 +144,7 @@ def progress_line(team: TeamState, phase: str, time_left_s: float | None) -> str
     for vehicle in team.vehicles:
         state = vehicle.flight_state.name if vehicle.flight_state is not None and vehicle.onboard_alive else "silent"
         misses = f" {vehicle.deadline_misses} late" if vehicle.deadline_misses else ""
-        parts.append(f"{vehicle.id}: {state} {vehicle.mode or '-'} {_number(vehicle.height_m, 1, ' m')}{misses}")
+        parts.append(f"{vehicle.id}: {state} {vehicle.mode or '-'} {number(vehicle.height_m, 1, ' m')}{misses}")
     return f"{time.strftime('%H:%M:%S', time.localtime(team.time_s))}  " + " | ".join(parts)
 
 
@@ -165,6 +167,7 @@ def render_team(
     phase: str,
     time_left_s: float | None,
     height: int = 30,
+    width: int = 100,
 ) -> RenderableType:
     """The whole picture: team, vehicles, map and events; made for 100 × 30 characters.
 
@@ -176,6 +179,7 @@ def render_team(
         phase: What the team is doing.
         time_left_s: Until landing; None when there is no such time.
         height: Of the terminal, lines.
+        width: Of the terminal, characters; what a narrow one has no room for is left out of the table.
     """
     rows = max(arena.rows, min(_EVENT_LINES, height - len(team.vehicles) - _OTHER_LINES))
     arena_panel = Panel(arena.draw(team), title="◆ estimated  ◇ true", border_style="dim", width=arena.columns + 4)
@@ -185,7 +189,7 @@ def render_team(
     lower.add_column(width=arena.columns + 4)
     lower.add_column(ratio=1)
     lower.add_row(arena_panel, event_panel)
-    return Group(_headline(title, phase, time_left_s), _team_figures(team), _vehicle_table(team), lower)
+    return Group(_headline(title, phase, time_left_s), _team_figures(team, phase), _vehicle_table(team, width), lower)
 
 
 def _short_event(event: Event, team: TeamState) -> Text:
@@ -211,7 +215,7 @@ def _headline(title: str, phase: str, time_left_s: float | None) -> RenderableTy
     return line
 
 
-def _team_figures(team: TeamState) -> RenderableType:
+def _team_figures(team: TeamState, phase: str) -> RenderableType:
     total = "?" if team.target_count is None else str(team.target_count)
     figures = team.figures
     line = Table.grid(expand=True)
@@ -222,47 +226,40 @@ def _team_figures(team: TeamState) -> RenderableType:
     line.add_row(
         Text.assemble(("targets ", "dim"), (f"{team.discovered} of {total}", "bold")),
         Text.assemble(
-            ("RMSE ", "dim"), (_number(figures.rmse_now_m, 2, " m"), "bold"), f"  mean {_number(figures.rmse_m, 2)}"
+            ("RMSE ", "dim"), (number(figures.rmse_now_m, 2, " m"), "bold"), f"  mean {number(figures.rmse_m, 2)}"
         ),
         Text.assemble(
             ("entropy ", "dim"),
-            (_number(figures.entropy_now_nats, 2, " nats"), "bold"),
-            f"  mean {_number(figures.entropy_nats, 2)}",
+            (number(figures.entropy_now_nats, 2, " nats"), "bold"),
+            f"  mean {number(figures.entropy_nats, 2)}",
         ),
-        Text("Ctrl-C lands the team", style="dim"),
+        Text("Ctrl-C ends this display" if phase == WATCHING else "Ctrl-C lands the team", style="dim"),
     )
     return line
 
 
-def _vehicle_table(team: TeamState) -> Table:
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A column of the vehicle table, shown on terminals that are wide enough for it."""
+
+    title: str
+    cell: Callable[[VehicleState], Text | str]
+    min_width: int = 0
+    justify: JustifyMethod = "right"
+
+
+def _vehicle_table(team: TeamState, width: int) -> Table:
     table = Table(box=SIMPLE_HEAD, expand=True, header_style="dim", pad_edge=False, collapse_padding=True)
-    for name in ("", "state", "mode"):
-        table.add_column(name, no_wrap=True)
-    for name in (
-        "battery\n%",
-        "height\nm",
-        "plan age\ns",
-        "plan ms\nof budget",
-        "late",
-        "setpoints\nHz",
-        "off track\nm",
-    ):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("hears", justify="right", no_wrap=True)
-    for i, vehicle in enumerate(team.vehicles):
-        table.add_row(
-            Text(str(vehicle.id), style=f"bold {vehicle_style(i)}"),
-            _state_cell(vehicle),
-            Text(vehicle.mode or "–", style="" if vehicle.autopilot_alive else "red"),
-            _battery_cell(vehicle.battery),
-            _number(vehicle.height_m, 2),
-            _number(vehicle.plan_age_s, 1),
-            _planning_cell(vehicle),
-            Text(str(vehicle.deadline_misses), style="red" if vehicle.deadline_misses else ""),
-            _number(vehicle.setpoint_rate_hz, 0),
-            _number(vehicle.tracking_error_m, 2),
-            " ".join(map(str, vehicle.neighbours)) or "–",
+    table.add_column("", no_wrap=True)
+    columns = [column for column in _COLUMNS if width >= column.min_width]
+    for column in columns:
+        last = column.title == _LAST_TEXT
+        table.add_column(
+            column.title, justify=column.justify, no_wrap=True, ratio=1 if last else None, overflow="ellipsis"
         )
+    for i, vehicle in enumerate(team.vehicles):
+        cells = [column.cell(vehicle) for column in columns]
+        table.add_row(Text(str(vehicle.id), style=f"bold {vehicle_style(i)}"), *cells)
     return table
 
 
@@ -274,10 +271,18 @@ def _state_cell(vehicle: VehicleState) -> Text:
     return Text(vehicle.flight_state.name, style=_STATE_STYLES.get(vehicle.flight_state, ""))
 
 
-def _battery_cell(battery: float | None) -> Text:
-    if battery is None:
+def _mode_cell(vehicle: VehicleState) -> Text:
+    return Text(vehicle.mode or "–", style="" if vehicle.autopilot_alive else "red")
+
+
+def _armed_cell(vehicle: VehicleState) -> str:
+    return {True: "yes", False: "no", None: "–"}[vehicle.armed]
+
+
+def _battery_cell(vehicle: VehicleState) -> Text:
+    if vehicle.battery is None:
         return Text("–")
-    return Text(f"{100 * battery:.0f}", style="red" if battery < _LOW_BATTERY else "")
+    return Text(f"{100 * vehicle.battery:.0f}", style="red" if vehicle.battery < _LOW_BATTERY else "")
 
 
 def _planning_cell(vehicle: VehicleState) -> str:
@@ -286,5 +291,48 @@ def _planning_cell(vehicle: VehicleState) -> str:
     return f"{1e3 * vehicle.planning_time_s:.0f} of {1e3 * vehicle.planning_budget_s:.0f}"
 
 
-def _number(value: float | None, digits: int, unit: str = "") -> str:
-    return "–" if value is None else f"{value:z.{digits}f}{unit}"
+def _bound_cell(vehicle: VehicleState) -> str:
+    plan = vehicle.plan
+    if plan is None:
+        return "–"
+    return f"{number(plan.epsilon, 2)}, {number(plan.delta, 2)}, {'∞' if plan.width is None else plan.width}"
+
+
+def _nodes_cell(vehicle: VehicleState) -> str:
+    return "–" if vehicle.plan is None else str(vehicle.plan.nodes)
+
+
+def _late_cell(vehicle: VehicleState) -> Text:
+    return Text(str(vehicle.deadline_misses), style="red" if vehicle.deadline_misses else "")
+
+
+def _hears_cell(vehicle: VehicleState) -> str:
+    ids = " ".join(map(str, vehicle.neighbours)) or "–"
+    return ids if len(vehicle.neighbours) <= _NAMED_NEIGHBOURS else f"{len(vehicle.neighbours)} of them"
+
+
+def _beat_cell(vehicle: VehicleState) -> Text:
+    """Ages of both heartbeats, onboard process / autopilot."""
+    text = f"{number(vehicle.onboard_age_s, 1)}/{number(vehicle.autopilot_age_s, 1)}"
+    return Text(text, style="bold red" if vehicle_is_silent(vehicle) else "")
+
+
+_LAST_TEXT = "last text"
+_COLUMNS = (
+    _Column("state", _state_cell, justify="left"),
+    _Column("mode", _mode_cell, justify="left"),
+    _Column("arm", _armed_cell, justify="left"),
+    _Column("bat\n%", _battery_cell),
+    _Column("height\nm", lambda vehicle: number(vehicle.height_m, 2)),
+    _Column("speed\nm/s", lambda vehicle: number(vehicle.speed_m_s, 2)),
+    _Column("plan\nage s", lambda vehicle: number(vehicle.plan_age_s, 1)),
+    _Column("plan ms\nof budget", _planning_cell),
+    _Column("ε, δ m, W", _bound_cell, min_width=120),
+    _Column("nodes", _nodes_cell, min_width=120),
+    _Column("late", _late_cell),
+    _Column("stream\nHz", lambda vehicle: number(vehicle.setpoint_rate_hz, 0)),
+    _Column("off\nm", lambda vehicle: number(vehicle.tracking_error_m, 2)),
+    _Column("hears", _hears_cell),
+    _Column("beats\ns", _beat_cell),
+    _Column(_LAST_TEXT, lambda vehicle: vehicle.status_text or "", min_width=140, justify="left"),
+)

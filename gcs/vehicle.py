@@ -306,6 +306,10 @@ class VehicleMonitor:
         """Plans that were late."""
         return self._status.deadline_misses if self._status is not None else 0
 
+    def heartbeat_ages_s(self, now_s: float) -> tuple[float | None, float | None]:
+        """Since the last heartbeats of autopilot and onboard process, s; None where none was heard."""
+        return _age(self._autopilot_s, now_s), _age(self._onboard_s, now_s)
+
     def state(self, now_s: float) -> VehicleState:
         """The vehicle at this moment."""
         status, plan, local = self._status, self._plan, self._local

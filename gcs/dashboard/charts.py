@@ -25,8 +25,8 @@ _TITLES = {
     "planning": "planning time, budget (dashed), ms",
     "cost": "plan cost, lower bound (dashed)",
     "explored": "explored area, %",
-    "age": "age of onboard heartbeats, s",
-    "loss": "frames lost: to ground, worst radio (dashed), %",
+    "age": "age of heartbeats, s",
+    "loss": "frames lost, radio (dashed), %",
 }
 
 
@@ -100,7 +100,8 @@ class Charts:
         plot.title.standoff = 2
         plot.xaxis.formatter = DatetimeTickFormatter(**dict.fromkeys(_TIME_UNITS, "%H:%M:%S"))
         plot.yaxis.ticker.desired_num_ticks = 3
-        plot.xaxis.ticker.desired_num_ticks = 4
+        plot.xaxis.ticker.desired_num_ticks = 3
+        plot.xaxis.visible = name in CHARTS[-2:]  # one time axis below each column
         for axis in (plot.xaxis, plot.yaxis):
             axis.major_label_text_font_size = "10px"
             axis.minor_tick_line_color = None

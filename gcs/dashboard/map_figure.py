@@ -259,23 +259,23 @@ class TeamMap:
         self._hover(landmarks, [("landmark of", "vehicle @label"), ("", "@place")])
         self._explored_glyph = explored.glyph
         layers: list[tuple[str, list[Any]]] = [
-            ("vehicle, heading", [vehicles, headings, numbers]),
-            ("sensor footprint", [see]),
+            ("vehicle", [vehicles, headings, numbers]),
+            ("field of view", [see]),
             ("trail, 20 s", [trails]),
-            ("plan", [plans]),
             ("estimate, 95 % ellipse", [estimates, ellipses, self._names]),
-            ("radio: orange from 5 %, red from 20 % lost; dashed one way", [links]),
-            ("explored", [self._explored_swatch, explored]),
+            ("plan", [plans]),
             ("landmark", [landmarks]),
+            ("explored", [self._explored_swatch, explored]),
+            ("radio: orange ≥ 5 %, red ≥ 20 % lost", [links]),
             ("fence", [border]),
         ]
         if self._board.scenario.simulation is not None:
-            layers.insert(5, ("truth", [self._truth, self._truth_names]))
+            layers.append(("true position", [self._truth, self._truth_names]))
         legend = Legend(
             items=[LegendItem(label=label, renderers=renderers) for label, renderers in layers],
             click_policy="hide",
             orientation="horizontal",
-            ncols=5,
+            ncols=4,
             location="center",
             label_text_font_size="11px",
             glyph_height=14,

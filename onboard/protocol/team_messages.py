@@ -246,10 +246,17 @@ def _step(time_usec: int, clock: MissionClock, name: str) -> int:
     return round(steps)
 
 
+def _places(size: int) -> NDArray[np.intp]:
+    """(size, size): where each entry of a symmetric matrix is in its packed upper triangle."""
+    places = np.zeros((size, size), dtype=np.intp)
+    rows, columns = np.triu_indices(size)
+    places[rows, columns] = places[columns, rows] = np.arange(rows.size)
+    return places
+
+
+_PLACES = {model.state_size: _places(model.state_size) for model in _MODELS}
+
+
 def _unpack_symmetric(packed: Sequence[float], size: int) -> NDArray[np.float64]:
     """A symmetric matrix from its upper triangle, row by row."""
-    matrix = np.zeros((size, size))
-    rows, columns = np.triu_indices(size)
-    matrix[rows, columns] = packed[: rows.size]
-    matrix[columns, rows] = packed[: rows.size]
-    return matrix
+    return np.array(packed, dtype=np.float64)[_PLACES[size]]

@@ -26,6 +26,9 @@ __all__ = ["Address", "DatagramLink", "Link", "LinkUrl", "TransportError", "open
 
 Address = tuple[str, int]
 
+_SO_RCVBUFFORCE = getattr(socket, "SO_RCVBUFFORCE", 33)
+"""Linux; elsewhere setting it fails."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -81,6 +84,16 @@ class DatagramLink(asyncio.DatagramProtocol):
         if self._transport is not None:
             self.bytes_sent += len(data)
             self._transport.sendto(data, address)
+
+    def widen(self, size_bytes: int) -> None:
+        """Let the system keep so much until it is read, as far as it allows: a team speaks at the same moments."""
+        if self._transport is None:
+            return
+        sock = self._transport.get_extra_info("socket")
+        try:
+            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size_bytes)
+        except OSError:  # only the privileged may exceed net.core.rmem_max
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size_bytes)
 
     @property
     def local_port(self) -> int:

@@ -8,6 +8,7 @@ from rich.live import Live
 
 from gcs.arena_map import ArenaMap
 from gcs.metrics import Estimate, MetricsFigures, TargetState
+from gcs.session import WATCHING
 from gcs.team import Event, TeamMonitor, TeamState
 from gcs.terminal import LineDisplay, LiveDisplay, open_display, render_team
 from onboard.messages import FlightState
@@ -69,7 +70,15 @@ def test_the_picture_says_what_the_operator_needs(team, scenario):
     for part in ("arvi · lab", "flying", "42 s left", "1 of 5", "0.25 m", "1.25 nats", "Ctrl-C"):
         assert part in text
     row = next(line for line in picture(team, scenario) if line.lstrip().startswith("2 "))
-    assert row.split() == ["2", "TRACK", "OFFBOARD", "–", "1.00", "0.2", "–", "1", "50", "0.12", "1"]
+    facts = ["2", "TRACK", "OFFBOARD", "yes", "–", "1.00", "–", "0.2", "–", "1", "50", "0.12", "1", "1.0/1.0"]
+    assert row.split() == facts
+
+
+def test_a_wide_terminal_has_the_rest_of_the_vehicle_table(team, scenario, heard):
+    wide = render_team(team, ArenaMap(scenario, 48, 12), [], "arvi", WATCHING, None, 40, 160)
+    text = "\n".join(lines_of(wide, 160))
+    for part in ("ε, δ m, W", "nodes", "last text", "Ctrl-C ends"):
+        assert part in text
 
 
 def test_a_silent_onboard_process_is_seen(team, scenario):

@@ -1,0 +1,109 @@
+"""``arvi command``: one order from a shell, and what became of it for each vehicle."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from collections.abc import Callable, Sequence
+
+from rich.table import Table
+
+from gcs.joining import joined_station, open_or_join
+from gcs.operator_desk import Action, CommandRecord, OperatorDesk, Order, Outcome, refusal_reason
+from gcs.output import open_console
+from gcs.station import GroundStation
+from gcs.team import Event
+from onboard.config import Scenario
+from onboard.errors import OnboardError
+
+__all__ = ["ACTIONS", "run_order"]
+
+ACTIONS = {
+    "start": Action.START,
+    "pause": Action.PAUSE,
+    "resume": Action.RESUME,
+    "finish": Action.FINISH,
+    "hold": Action.HOLD,
+    "land": Action.LAND,
+    "return": Action.RETURN,
+    "stop": Action.STOP,
+}
+"""By the word on the command line."""
+
+_HEARD_WITHIN_S = 3.0
+_MAVSDK_WITHIN_S = 4.0
+_ENDED_WITHIN_S = 12.0
+_REASONS_WITHIN_S = 0.6
+_TICK_S = 0.05
+_FAILED = 1
+_BAD_INPUT = 2
+
+
+def run_order(scenario: Scenario, action: Action, vehicles: Sequence[int], via: str | None) -> int:
+    """Give an order and print its outcome; the exit code: 0 if every vehicle has acknowledged.
+
+    Args:
+        scenario: Whose team.
+        action: What to do.
+        vehicles: System ids.
+        via: Shared port of a ground station, ``udpout:HOST:PORT``; None finds the way by itself.
+    """
+    try:
+        records, events = asyncio.run(_order(scenario, Order(action, tuple(vehicles)), via))
+    except OnboardError as error:
+        sys.stderr.write(f"{error}\n")
+        return _BAD_INPUT
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for record in records:
+        reason = refusal_reason(record, reversed(events)) or record.result
+        words = record.outcome.value if record.outcome is Outcome.ACKNOWLEDGED else f"{record.outcome.value}: {reason}"
+        table.add_row(f"vehicle {record.vehicle}", f"{record.action.value.lower()} ({record.to})", words)
+    open_console().print(table)
+    return 0 if records and all(record.outcome is Outcome.ACKNOWLEDGED for record in records) else _FAILED
+
+
+async def _order(scenario: Scenario, order: Order, via: str | None) -> tuple[tuple[CommandRecord, ...], list[Event]]:
+    desk = OperatorDesk()
+    station = joined_station(scenario, desk)
+    events: list[Event] = []
+    to_autopilot = order.action.fleet_action is not None
+    await open_or_join(station, via, mavsdk=to_autopilot)
+
+    def heard() -> bool:
+        team = station.team.state(time.time())
+        ages = [
+            vehicle.autopilot_age_s if to_autopilot else vehicle.onboard_age_s
+            for vehicle in team.vehicles
+            if vehicle.id in order.vehicles
+        ]
+        return None not in ages
+
+    def ended() -> bool:
+        return bool(desk.records) and all(record.outcome is not Outcome.SENT for record in desk.records)
+
+    try:
+        await _tick_until(station, heard, _HEARD_WITHIN_S, events)
+        if to_autopilot and order.action is not Action.STOP:  # that one does not wait for MAVSDK
+            await _tick_until(
+                station, lambda: all(map(station.mavsdk_reaches, order.vehicles)), _MAVSDK_WITHIN_S, events
+            )
+        desk.submit(order)
+        await _tick_until(station, ended, _ENDED_WITHIN_S, events)
+        if any(record.outcome is Outcome.REFUSED for record in desk.records):
+            await _tick_until(station, lambda: False, _REASONS_WITHIN_S, events)
+        return desk.records, events
+    finally:
+        await station.close()
+
+
+async def _tick_until(
+    station: GroundStation, condition: Callable[[], bool], within_s: float, events: list[Event]
+) -> None:
+    end_s = time.monotonic() + within_s
+    while time.monotonic() < end_s:
+        station.tick()
+        events += station.team.take_events()
+        if condition():
+            return
+        await asyncio.sleep(_TICK_S)
