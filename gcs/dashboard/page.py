@@ -16,6 +16,7 @@ from gcs.dashboard.board import Board
 from gcs.dashboard.charts import CHARTS, Charts
 from gcs.dashboard.map_figure import TeamMap
 from gcs.dashboard.palette import DARK, LIGHT, THEMES, Theme
+from gcs.dashboard.pulse import Pulse
 from gcs.dashboard.styles import BUTTONS, EVENTS, TABLE, TEXT
 
 __all__ = ["COOKIE", "REFRESH_MS", "build_page"]
@@ -26,6 +27,8 @@ COOKIE = "arvi-theme"
 
 _TEXT_EVERY = 2
 """Tables and texts change every so many refreshes."""
+
+_CHARTS_EVERY = 5
 
 _REPAINT_PAGE = """
 document.documentElement.dataset.theme = button.tags[0];
@@ -88,6 +91,7 @@ class Page:
         )  # fmt: skip
         self._theme_button.on_click(self._switch_theme)
         self._theme_button.js_on_change("tags", CustomJS(args={"button": self._theme_button}, code=_REPAINT_PAGE))
+        self._pulse = Pulse()
         self.orders = board.make_bar()
         style = InlineStyleSheet(css=BUTTONS)
         self._words = TextInput(placeholder="search events", width=180, stylesheets=[style])
@@ -106,7 +110,7 @@ class Page:
             self.orders.row,
             Row(
                 name="map_bar",
-                children=[self.map.robot_choice, self.map.follow_choice, self._notice],
+                children=[self.map.robot_choice, self.map.follow_choice, self._notice, self._pulse.widget],
                 sizing_mode="stretch_width",
             ),
             self.map.figure,
@@ -120,12 +124,18 @@ class Page:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the board's latest moment: the map each time, texts less often."""
+        """Show the board's latest moment: the map each time, texts and charts less often.
+
+        A browser that is slow is sent less, so that what it shows is never old.
+        """
         moment = self._board.moment
-        self.map.refresh()
-        self.charts.refresh()
         self.orders.refresh()
+        if not self._pulse.may_send():
+            return
+        self.map.refresh()
         self._count += 1
+        if self._count % _CHARTS_EVERY == 1:
+            self.charts.refresh()
         if self._count % _TEXT_EVERY != 1:
             return
         _say(self._headline, panels.headline(moment, f"ARVI · {self._board.scenario.name}"))

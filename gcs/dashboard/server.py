@@ -33,7 +33,7 @@ DEFAULT_PORT = 5006
 LOOPBACK = "127.0.0.1"
 
 _PORTS_TRIED = 20
-_START_PATIENCE_S = 30.0
+_START_PATIENCE_S = 90.0
 _STOP_PATIENCE_S = 2.0
 _REFRESH_S = 0.1
 _LOGGERS = ("bokeh", "tornado.access", "tornado.application", "tornado.general")
