@@ -198,3 +198,42 @@ def frames_of(tlog):
         seen.setdefault(message.get_type(), []).append(message)
     log.close()
     return seen
+
+
+def arvi(*arguments):
+    command = [sys.executable, "-m", "gcs", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+
+
+async def test_a_shell_commands_and_watches_beside_the_station(config, bridge):
+    async with station_of(config, mavsdk=False) as station:
+        await until(lambda: mode(station, 2) is not None)
+        done = await asyncio.to_thread(arvi, "command", config, "land", "--vehicle", 2, "--yes")
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert re.search(r"vehicle 2 +land \(autopilot, (MAVSDK|directly)\) +acknowledged", done.stdout)
+        assert mode(station, 2) == "LAND"
+        assert mode(station, 1) == "LOITER"
+        done = await asyncio.to_thread(arvi, "command", config, "pause", "--vehicle", 1, "--yes")
+        assert done.returncode == 1, "there is no onboard process"
+        assert "timed out: no answer" in done.stdout
+
+        command = [sys.executable, "-m", "gcs", "monitor", str(config), "--headless"]
+        watching = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        try:
+            lines = []
+            while not any("2: silent LAND" in line for line in lines):
+                lines.append(await asyncio.wait_for(asyncio.to_thread(watching.stdout.readline), PATIENCE_S))
+            assert any("joined the ground station" in line for line in lines)
+            watching.send_signal(signal.SIGINT)
+            assert await asyncio.to_thread(watching.wait, 10.0) == 0
+        finally:
+            watching.kill()
+            watching.wait()
+            watching.stdout.close()
+
+
+def test_a_shell_commands_alone(config, bridge):
+    done = arvi("command", config, "land", "--yes")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("acknowledged") == 2
+    assert arvi("command", config, "land", "--vehicle", "9", "--yes").returncode == 2
