@@ -54,7 +54,7 @@ class Fly:
         end = time.monotonic() + 60.0
         while time.monotonic() < end:
             for line in list(self.lines):
-                found = re.match(r"dashboard: (\S+)", line)
+                found = re.match(r"dashboard: (http\S+)", line)
                 if found:
                     return found.group(1)
             time.sleep(0.1)
@@ -118,9 +118,11 @@ def test_buttons_change_modes_and_a_killed_process_is_landed_past(fly):
         url = fly.url()
         page.goto(url)
         first, second = (page.locator(f"tr[data-vehicle='{i}']") for i in (1, 2))
-        first.filter(has_text=re.compile("WAIT|STANDBY|ARM|not heard")).wait_for(timeout=60_000)
+        first.wait_for(timeout=60_000)
         for row in (first, second):
             row.filter(has_text="TRACK").wait_for(timeout=60_000)
+        said = [re.search("dashboard: http|-> ARM", line) for line in list(fly.lines)]
+        assert next(filter(None, said)).group().startswith("dashboard"), "it is up before anybody arms"
         assert labels(page, "fov_from") == ["1", "2"]
         wait_until(lambda: labels(page, "error", "place", "label") == ["1", "2", "3", "4", "5"], 10.0)
 
