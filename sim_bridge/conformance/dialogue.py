@@ -113,6 +113,30 @@ class _Sample:
 
 
 @dataclass(slots=True)
+class Lookout:
+    """A condition that a wanted message has come; looks at each message once.
+
+    Attributes:
+        found: The first that was wanted.
+    """
+
+    _heard: list[Heard]
+    _place: int
+    _earliest_s: float
+    _wanted: Callable[[mavlink.MAVLink_message], bool]
+    found: Heard | None = None
+
+    def __call__(self) -> bool:
+        """Whether it has come."""
+        while self.found is None and self._place < len(self._heard):
+            heard = self._heard[self._place]
+            self._place += 1
+            if heard.time_s >= self._earliest_s and self._wanted(heard.message):
+                self.found = heard
+        return self.found is not None
+
+
+@dataclass(slots=True)
 class Dialogue:
     """Both directions of one link.
 
@@ -303,13 +327,9 @@ class Dialogue:
         self._mark(self.time_s, 0)
         self._streamed = (-math.inf, 0)
 
-    def first(self, wanted: Callable[[mavlink.MAVLink_message], bool], after_s: float = 0.0) -> Heard | None:
-        """The first message since the last thing sent that is wanted, and came not before a time after that."""
-        earliest_s = self.sent_s + after_s
-        for heard in self.heard[self.sent_at :]:
-            if heard.time_s >= earliest_s and wanted(heard.message):
-                return heard
-        return None
+    def look_for(self, wanted: Callable[[mavlink.MAVLink_message], bool], after_s: float = 0.0) -> Lookout:
+        """A lookout for the first wanted message after what was sent last, that came not before a time after that."""
+        return Lookout(self.heard, self.sent_at, self.sent_s + after_s, wanted)
 
     def wait(self, condition: Callable[[], bool], within_s: float) -> Script[bool]:
         """Wait until a condition holds; whether it does."""
@@ -325,9 +345,9 @@ class Dialogue:
         def acknowledges(message: mavlink.MAVLink_message) -> bool:
             return isinstance(message, mavlink.MAVLink_command_ack_message) and message.command == command
 
-        yield from self.wait(lambda: self.first(acknowledges) is not None, within_s)
-        heard = self.first(acknowledges)
-        ack = None if heard is None else heard.message
+        lookout = self.look_for(acknowledges)
+        yield from self.wait(lookout, within_s)
+        ack = None if lookout.found is None else lookout.found.message
         return ack.result if isinstance(ack, mavlink.MAVLink_command_ack_message) else None
 
     def _mark(self, sent_s: float, sent_at: int) -> None:

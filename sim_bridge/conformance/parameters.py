@@ -75,7 +75,7 @@ class ParameterKeeper:
         def tells(message: mavlink.MAVLink_message) -> bool:
             return isinstance(message, mavlink.MAVLink_param_value_message) and message.param_id == name
 
-        yield from self.dialogue.wait(lambda: self.dialogue.first(tells) is not None, _ANSWER_S)
-        heard = self.dialogue.first(tells)
-        value = None if heard is None else heard.message
+        lookout = self.dialogue.look_for(tells)
+        yield from self.dialogue.wait(lookout, _ANSWER_S)
+        value = None if lookout.found is None else lookout.found.message
         return value if isinstance(value, mavlink.MAVLink_param_value_message) else None

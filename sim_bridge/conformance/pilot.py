@@ -173,9 +173,8 @@ class Pilot:
             mavlink.MAVLink_set_gps_global_origin_message(dialogue.system_id, latitude, longitude, altitude_mm)
         )
         kind = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
-        self._origin_told = yield from dialogue.wait(
-            lambda: dialogue.first(lambda message: message.get_msgId() == kind) is not None, _ACK_S
-        )
+        answer = dialogue.look_for(lambda message: message.get_msgId() == kind)
+        self._origin_told = yield from dialogue.wait(answer, _ACK_S)
 
     def _down(self) -> Script[None]:
         dialogue = self.dialogue

@@ -197,8 +197,9 @@ class Performance:
             return message.get_type() == name and unlike(message) is None
 
         remaining_s = dialogue.sent_s + limit_s + _PATIENCE_S - dialogue.time_s
-        yield from dialogue.wait(lambda: dialogue.first(wanted) is not None, max(remaining_s, 0.0))
-        found = dialogue.first(wanted)
+        lookout = dialogue.look_for(wanted)
+        yield from dialogue.wait(lookout, max(remaining_s, 0.0))
+        found = lookout.found
         if found is None:
             raise DifferenceError(self._instead(name, unlike, limit_s))
         delay_s = found.time_s - dialogue.sent_s
@@ -222,8 +223,9 @@ class Performance:
         def unwanted(message: mavlink.MAVLink_message) -> bool:
             return message.get_type() == name and mismatch(message, fields) is None
 
-        yield from dialogue.wait(lambda: dialogue.first(unwanted) is not None, duration_s)
-        found = dialogue.first(unwanted)
+        lookout = dialogue.look_for(unwanted)
+        yield from dialogue.wait(lookout, duration_s)
+        found = lookout.found
         if found is not None:
             raise DifferenceError(f"{name} after {found.time_s - dialogue.sent_s:.2f} s, none expected")
 
