@@ -30,6 +30,9 @@ def experiment(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the run in the folder; what is complete is kept.")
     ] = False,
+    redraw: Annotated[
+        bool, typer.Option("--redraw", help="Only summarise and draw the results in the folder, of any version.")
+    ] = False,
     arm: Annotated[list[str] | None, typer.Option(metavar="LABEL", help="Only this arm; may be repeated.")] = None,
     snapshot: Annotated[
         int | None, typer.Option(metavar="STEP", min=0, help="Only draw the first trial at this step.")
@@ -69,6 +72,7 @@ def experiment(
                 scheduler=scheduler,
                 out=out,
                 resume=resume,
+                redraw=redraw,
                 arms=tuple(arm or ()),
                 snapshot=snapshot,
                 animate=animate,

@@ -59,6 +59,7 @@ class ExperimentOptions:
         scheduler: Address of a dask.distributed scheduler instead.
         out: Folder for the results; None for runs/NAME.
         resume: Continue what is there.
+        redraw: Only summarise and draw what is there.
         arms: Only these; all if empty.
         snapshot: Draw the first trial at this step instead of running the experiment.
         animate: Film the first trial instead.
@@ -71,6 +72,7 @@ class ExperimentOptions:
     scheduler: str | None = None
     out: Path | None = None
     resume: bool = False
+    redraw: bool = False
     arms: tuple[str, ...] = ()
     snapshot: int | None = None
     animate: bool = False
@@ -87,7 +89,10 @@ def run_experiment(options: ExperimentOptions) -> int:
             _draw(console, tasks[0], experiment.arms[tasks[0].arm].label, folder, options)
             return 0
         trials = options.trials or experiment.trials
-        store = ResultFolder(folder, experiment, trials, tasks[0].steps, resume=options.resume)
+        store = ResultFolder(folder, experiment, trials, tasks[0].steps, resume=options.resume, redraw=options.redraw)
+        if options.redraw:
+            _conclude(console, experiment, store)
+            return 0
         return _run(console, experiment, tasks, store, options)
     except (OnboardError, BridgeError) as error:
         sys.stderr.write(f"{error}\n")
@@ -213,11 +218,15 @@ def _conclude(console: Console, experiment: Experiment, store: ResultFolder) -> 
     page = report.markdown(summary)
     store.write_text("summary.md", page)
     pictures_of_run = store.path / "figures"
-    figures.save(figures.draw_curves(arms), pictures_of_run / "curves")
+    figures.save(figures.draw_curves(arms, ordered=_is_sweep(experiment)), pictures_of_run / "curves")
     figures.save(figures.draw_means(summary), pictures_of_run / "means")
     figures.save(figures.draw_costs(experiment.axis, summary), pictures_of_run / "costs")
     console.print(Markdown(page))
     console.print(f"results: {store.path}", highlight=False, soft_wrap=True)
+
+
+def _is_sweep(experiment: Experiment) -> bool:
+    return all(arm.value is not None for arm in experiment.arms)
 
 
 def _draw(console: Console, task: TrialTask, label: str, folder: Path, options: ExperimentOptions) -> None:

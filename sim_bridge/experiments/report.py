@@ -14,10 +14,17 @@ _COLUMNS = (
     ("RMSE per target, m", "time_mean", "rmse_per_target_m", 2),
     ("tracked by a robot", "time_mean", "tracked_by_robot", 2),
 )
+_COSTS = (
+    ("messages per robot and step", "messages_per_robot_step", 1, 1.0),
+    ("kB per robot and step", "bytes_per_robot_step", 2, 1e-3),
+    ("processor ms per robot and step", "cpu_ms_per_robot_step", 2, 1.0),
+    ("without planning", "unplanned_ms_per_robot_step", 2, 1.0),
+    ("peak memory, MB", "peak_memory_mb", 0, 1.0),
+)
 
 
 def markdown(summary: Mapping[str, Any]) -> str:
-    """Tables of arms and comparisons; each value is a mean over trials ± half of its 95 % confidence interval."""
+    """Tables of arms, costs and comparisons; a value is a mean over trials ± half of its 95 % confidence interval."""
     lines = [f"# {summary['experiment']}", "", summary["question"], ""]
     lines += ["| arm | trials | " + " | ".join(name for name, *_ in _COLUMNS) + " | ms per plan | nodes per plan |"]
     lines += ["|---|---" + "|---" * (len(_COLUMNS) + 2) + "|"]
@@ -25,6 +32,12 @@ def markdown(summary: Mapping[str, Any]) -> str:
         cells = [arm["label"], str(arm["trials"])]
         cells += [_interval(arm[group][key], digits) for _, group, key, digits in _COLUMNS]
         cells += [_interval(arm["planning_ms"], 1), _interval(arm["nodes_per_plan"], 0)]
+        lines.append("| " + " | ".join(cells) + " |")
+    lines += ["", "| arm | robots | targets | " + " | ".join(name for name, *_ in _COSTS) + " |"]
+    lines += ["|---|---|---" + "|---" * len(_COSTS) + "|"]
+    for arm in summary["arms"]:
+        cells = [arm["label"], str(arm["robots"]), str(arm["targets"])]
+        cells += [_interval(arm[key], digits, unit) for _, key, digits, unit in _COSTS]
         lines.append("| " + " | ".join(cells) + " |")
     if summary["comparisons"]:
         lines += ["", "| claim | metric | difference | holds |", "|---|---|---|---|"]
@@ -39,9 +52,9 @@ def markdown(summary: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _interval(value: Mapping[str, float | None], digits: int) -> str:
+def _interval(value: Mapping[str, float | None], digits: int, unit: float = 1.0) -> str:
     mean, low, high = value["mean"], value["low"], value["high"]
     if mean is None:
         return "–"
-    text = f"{mean:.{digits}f}"
-    return text if low is None or high is None else f"{text} ± {0.5 * (high - low):.{digits}f}"
+    text = f"{unit * mean:.{digits}f}"
+    return text if low is None or high is None else f"{text} ± {0.5 * unit * (high - low):.{digits}f}"

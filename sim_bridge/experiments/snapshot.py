@@ -10,15 +10,17 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse, Wedge
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse, Patch, Wedge
 from numpy.typing import NDArray
 
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
-from sim_bridge.experiments.figures import STYLE, save
+from sim_bridge.experiments.figures import BLUE, GREEN, ORANGE, STYLE, save
 from sim_bridge.experiments.records import TrialTask
 from sim_bridge.experiments.trial import build_world
 from sim_bridge.lockstep.world import LockstepWorld
@@ -37,6 +39,7 @@ def snapshot(task: TrialTask, step: int, path: Path) -> list[Path]:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 7.0))
         draw_world(figure.subplots(), world, task)
+        figure.legend(handles=_legend(), loc="outside lower center", ncols=4)
         return save(figure, path)
 
 
@@ -84,11 +87,9 @@ def draw_world(axes: Axes, world: LockstepWorld, task: TrialTask) -> None:
             )
             times = np.linspace(plan.start_s, plan.end_s, 61)
             poses = [plan.reference(float(time_s)).pose for time_s in times]
-            axes.plot(
-                [p.east_m for p in poses], [p.north_m for p in poses], color="tab:green", linewidth=0.9, alpha=0.8
-            )
+            axes.plot([p.east_m for p in poses], [p.north_m for p in poses], color=GREEN, linewidth=0.9, alpha=0.8)
         for north_m, east_m in agent.landmarks.values():
-            axes.plot(east_m, north_m, "+", color="tab:blue", markersize=5)
+            axes.plot(east_m, north_m, "+", color=BLUE, markersize=5)
     for target in world.targets.truth():
         axes.plot(target.east_m, target.north_m, "x", color="black", markersize=5)
     _draw_estimates(axes, world)
@@ -98,6 +99,24 @@ def draw_world(axes: Axes, world: LockstepWorld, task: TrialTask) -> None:
     margin = 0.03 * float(np.ptp(fence))
     axes.set_xlim(fence[:, 1].min() - margin, fence[:, 1].max() + margin)
     axes.set_ylim(fence[:, 0].min() - margin, fence[:, 0].max() + margin)
+
+
+def _legend() -> list[Artist]:
+    """What the signs of :func:`draw_world` mean."""
+
+    def sign(marker: str, color: str, label: str, size: float = 6.0) -> Artist:
+        return Line2D([], [], color=color, marker=marker, linestyle="", markersize=size, label=label)
+
+    return [
+        sign("^", GREEN, "robot", 9.0),
+        Patch(color=GREEN, alpha=0.15, label="field of view"),
+        Line2D([], [], color=GREEN, linewidth=0.9, label="plan"),
+        sign("+", BLUE, "landmark"),
+        sign("x", "black", "target"),
+        sign(".", ORANGE, "estimate"),
+        Patch(color=ORANGE, alpha=0.25, label="95 % ellipse"),
+        Patch(color="0.75", label="unexplored"),
+    ]
 
 
 def _draw_explored(axes: Axes, world: LockstepWorld) -> None:
@@ -119,9 +138,9 @@ def _draw_robot(axes: Axes, pose: Pose, sensor: RangeBearingSensor) -> None:
     half_deg = math.degrees(0.5 * sensor.fov_rad)
     axes.add_patch(
         Wedge((pose.east_m, pose.north_m), sensor.max_range_m, heading_deg - half_deg, heading_deg + half_deg,
-              facecolor="tab:green", edgecolor="tab:green", alpha=0.15)
+              facecolor=GREEN, edgecolor=GREEN, alpha=0.15)
     )  # fmt: skip
-    axes.plot(pose.east_m, pose.north_m, marker=(3, 0, heading_deg - 90.0), color="tab:green", markersize=9)
+    axes.plot(pose.east_m, pose.north_m, marker=(3, 0, heading_deg - 90.0), color=GREEN, markersize=9)
 
 
 def _draw_estimates(axes: Axes, world: LockstepWorld) -> None:
@@ -133,8 +152,6 @@ def _draw_estimates(axes: Axes, world: LockstepWorld) -> None:
         width, height = 2.0 * np.sqrt(_CHI2_95 * values)
         tilt_deg = math.degrees(math.atan2(vectors[0, 0], vectors[1, 0]))
         axes.add_patch(
-            Ellipse(
-                (east_m, north_m), width, height, angle=tilt_deg, facecolor="tab:red", edgecolor="tab:red", alpha=0.25
-            )
+            Ellipse((east_m, north_m), width, height, angle=tilt_deg, facecolor=ORANGE, edgecolor=ORANGE, alpha=0.25)
         )
-        axes.plot(east_m, north_m, ".", color="tab:red", markersize=5)
+        axes.plot(east_m, north_m, ".", color=ORANGE, markersize=5)

@@ -184,6 +184,7 @@ def _summary_of(experiment: Experiment, arm: ArmTrials, machine: dict[tuple[int,
     robots = len(setting.scenario("experiment").vehicles)
     records = [machine[index, trial] for trial in arm.trials]
     targets = setting.world.truth.count
+    robot_steps = robots * arm.values["step"].shape[1]
     last = {name: interval(arm.values[name][:, -1]).as_json() for name in METRICS}
     return {
         "label": arm.label,
@@ -202,6 +203,11 @@ def _summary_of(experiment: Experiment, arm: ArmTrials, machine: dict[tuple[int,
         ).as_json(),
         "messages_per_robot_step": interval(arm.time_mean("messages_sent") / robots).as_json(),
         "bytes_per_robot_step": interval(arm.time_mean("bytes_sent") / robots).as_json(),
-        "cpu_ms_per_step": interval([1e3 * r["cpu_s"] / arm.values["step"].shape[1] for r in records]).as_json(),
-        "peak_memory_mb": max(r["peak_memory_bytes"] for r in records) / 1e6,
+        "cpu_ms_per_robot_step": interval([1e3 * r["cpu_s"] / robot_steps for r in records]).as_json(),
+        "unplanned_ms_per_robot_step": interval(
+            [1e3 * (r["cpu_s"] - sum(r["planning_s"])) / robot_steps for r in records]
+            if setting.harness == "lockstep" and setting.world.budget.clock == "cpu"
+            else []
+        ).as_json(),
+        "peak_memory_mb": interval([r["peak_memory_bytes"] / 1e6 for r in records]).as_json(),
     }

@@ -18,7 +18,7 @@ import json
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,9 @@ class ResultFolder:
         path: The folder.
     """
 
-    def __init__(self, path: Path, experiment: Experiment, trials: int, steps: int, *, resume: bool) -> None:
+    def __init__(
+        self, path: Path, experiment: Experiment, trials: int, steps: int, *, resume: bool, redraw: bool = False
+    ) -> None:
         """Make the folder, or open it again.
 
         Args:
@@ -57,17 +59,21 @@ class ResultFolder:
             trials: Of each arm.
             steps: Of each trial.
             resume: Continue what is there; a folder of another configuration is refused.
+            redraw: Only read the results; they may be those of another version.
 
         Raises:
             StoreError: The folder has results and ``resume`` is not set, belongs to another configuration, or cannot be
-                written.
+                written; or there is nothing to redraw.
         """
         self.path = path
         self._experiment = experiment
         self._trials = trials
         manifest = _manifest(experiment, trials, steps)
         try:
-            self._prepare(manifest, resume=resume)
+            if redraw:
+                self._find(manifest)
+            else:
+                self._prepare(manifest, resume=resume)
         except OSError as error:
             raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
 
@@ -134,7 +140,7 @@ class ResultFolder:
             before = json.loads(manifest_file.read_text(encoding="utf-8"))
             if not resume:
                 raise StoreError(f"{self.path}: has results; continue them with --resume, or choose another --out")
-            _check_same(self.path, before, manifest)
+            _check_same(self.path, before, manifest, ("experiment", "steps", "seed", "arms", "versions", "commit"))
         elif self.path.exists() and any(self.path.iterdir()):
             raise StoreError(f"{self.path}: is not empty and no run of an experiment; choose another --out")
         else:
@@ -143,6 +149,15 @@ class ResultFolder:
             _write_text(manifest_file, json.dumps(manifest, indent=2) + "\n")
         (self.path / "trials").mkdir(exist_ok=True)
         (self.path / "figures").mkdir(exist_ok=True)
+
+    def _find(self, manifest: dict[str, Any]) -> None:
+        manifest_file = self.path / "manifest.json"
+        if not manifest_file.exists():
+            raise StoreError(f"{self.path}: has no results of an experiment")
+        before = json.loads(manifest_file.read_text(encoding="utf-8"))
+        for one in (before, manifest):  # settings of other versions may have other defaults
+            one["labels"] = [arm["label"] for arm in one["arms"]]
+        _check_same(self.path, before, manifest, ("experiment", "labels"))
 
     def _keys(self) -> Iterable[TrialKey]:
         return [(arm, trial) for arm in range(len(self._experiment.arms)) for trial in range(self._trials)]
@@ -177,7 +192,7 @@ def _manifest(experiment: Experiment, trials: int, steps: int) -> dict[str, Any]
     }
 
 
-def _check_same(path: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
+def _check_same(path: Path, before: dict[str, Any], now: dict[str, Any], keys: Sequence[str]) -> None:
     """Refuse to mix results of two configurations; other numbers of trials of the same are welcome.
 
     Raises:
@@ -186,9 +201,7 @@ def _check_same(path: Path, before: dict[str, Any], now: dict[str, Any]) -> None
     now, before = json.loads(json.dumps(now)), dict(before)
     for manifest in (now, before):
         manifest["arms"] = [{**arm, "trials": None} for arm in manifest["arms"]]
-    changed = [
-        key for key in ("experiment", "steps", "seed", "arms", "versions", "commit") if before.get(key) != now[key]
-    ]
+    changed = [key for key in keys if before.get(key) != now[key]]
     if changed:
         raise StoreError(
             f"{path}: was made with other {', '.join(changed)} (see manifest.json there); results of two "

@@ -89,6 +89,18 @@ def test_a_tiny_experiment_from_end_to_end(lab: Path, tmp_path: Path, flights: l
     assert resumed.exit_code == 0
     assert "5 of 6 trials are complete already" in resumed.output
     assert len(flights) == 1, "nothing is flown twice"
+
+    manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
+    (out / "manifest.json").write_text(json.dumps({**manifest, "commit": "another"}), encoding="utf-8")
+    (out / "summary.md").unlink()
+    refused = CliRunner().invoke(app, ["experiment", str(lab), *SMALL, "--out", str(out), "--resume"])
+    assert "was made with other commit" in refused.stderr
+    redrawn = CliRunner().invoke(app, ["experiment", str(lab), *SMALL, "--out", str(out), "--redraw"])
+    assert redrawn.exit_code == 0
+    assert "| flown by processes | 1 |" in (out / "summary.md").read_text(encoding="utf-8")
+    nothing = CliRunner().invoke(app, ["experiment", str(lab), "--out", str(tmp_path / "none"), "--redraw"])
+    assert nothing.exit_code == 2
+    assert "has no results of an experiment" in nothing.stderr
     assert (out / "steps.parquet").read_bytes() == before
 
 

@@ -33,7 +33,9 @@ def test_figures_and_summary_of_a_run(tiny: Path, tmp_path: Path) -> None:
         "targets known to a robot",
         "position RMSE per known target, m",
     ]
-    assert [text.get_text() for text in curves.axes[0].get_legend().get_texts()] == ["none", "all"]
+    labels = [text.get_text() for text in curves.legends[0].get_texts()]
+    assert labels == ["none (2 trials)", "all (2 trials)"], "too few for a band"
+    assert len(curves.axes[1].lines) == 2 * (1 + 2), "so each trial is drawn beside the mean"
     line = curves.axes[1].lines[0]
     expected = np.mean([arms[0].values["known_by_robot"][trial] for trial in (0, 1)], axis=0)
     assert np.allclose(line.get_ydata(), expected)
@@ -48,6 +50,7 @@ def test_figures_and_summary_of_a_run(tiny: Path, tmp_path: Path) -> None:
         assert ET.parse(svg).getroot().tag.endswith("svg")
     page = report.markdown(summary)
     assert "| none | 2 |" in page
+    assert "| none | 3 | 4 |" in page, "costs, by number of robots and targets"
     assert "| Radio helps | known_by_robot: all − none |" in page
 
 
