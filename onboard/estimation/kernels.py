@@ -17,13 +17,11 @@ from onboard.planning.jit import entry_kernel, kernel
 
 __all__ = [
     "check_information",
-    "factor",
     "fuse_blocks",
-    "invert",
+    "moments",
     "moments_of_blocks",
     "predict_blocks",
     "scratch",
-    "solve",
 ]
 
 Array = NDArray[np.float64]
@@ -95,6 +93,29 @@ def invert(lower: Array, half: Array, inverse: Array) -> None:
 
 
 @kernel
+def moments(vector: Array, matrix: Array, work: Array, mean: Array, covariance: Array) -> bool:
+    """``ŷ = Ω⁻¹ω`` and ``Σ = Ω⁻¹`` of a block; False if Ω is not positive definite. Uses the first two of ``work``."""
+    lower, half = work[0], work[1]
+    if not factor(matrix, lower):
+        return False
+    for i in range(vector.shape[0]):
+        mean[i] = vector[i]
+    solve(lower, mean)
+    invert(lower, half, covariance)
+    return True
+
+
+@kernel
+def _apply(matrix: Array, vector: Array, product: Array) -> None:
+    """``product ← matrix · vector``."""
+    for i in range(vector.shape[0]):
+        total = 0.0
+        for k in range(vector.shape[0]):
+            total += matrix[i, k] * vector[k]
+        product[i] = total
+
+
+@kernel
 def _propagate(transition: Array, noise: Array, covariance: Array, half: Array) -> None:
     """``Σ ← A Σ Aᵀ + W``."""
     size = transition.shape[0]
@@ -131,20 +152,11 @@ def moments_of_blocks(
     Returns:
         −1, or the first block whose Ω is not positive definite; from there on nothing was written.
     """
-    size = transition.shape[0]
-    lower, half, mean = work[0], work[1], work[2, 0]
+    half, mean = work[1], work[2, 0]
     for block in range(vectors.shape[0]):
-        if not factor(matrices[block], lower):
+        if not moments(vectors[block], matrices[block], work, mean, covariances[block]):
             return block
-        for i in range(size):
-            mean[i] = vectors[block, i]
-        solve(lower, mean)
-        for i in range(size):
-            total = 0.0
-            for k in range(size):
-                total += transition[i, k] * mean[k]
-            means[block, i] = total
-        invert(lower, half, covariances[block])
+        _apply(transition, mean, means[block])
         _propagate(transition, noise, covariances[block], half)
     return -1
 
@@ -163,32 +175,17 @@ def predict_blocks(transition: Array, noise: Array, vectors: Array, matrices: Ar
     Returns:
         −1, or the first block whose Ω is not positive definite.
     """
-    size = transition.shape[0]
-    lower, half, covariance, mean = work[0], work[1], work[2], work[3, 0]
+    lower, half, covariance, mean, moved = work[0], work[1], work[2], work[3, 0], work[3, 1]
     for block in range(vectors.shape[0]):
         vector, matrix = vectors[block], matrices[block]
-        if not factor(matrix, lower):
+        if not moments(vector, matrix, work, mean, covariance):
             return block
-        for i in range(size):
-            mean[i] = vector[i]
-        solve(lower, mean)
-        invert(lower, half, covariance)
         _propagate(transition, noise, covariance, half)
-        for i in range(size):
-            total = 0.0
-            for k in range(size):
-                total += transition[i, k] * mean[k]
-            vector[i] = total
         if not factor(covariance, lower):
             return block
         invert(lower, half, matrix)
-        for i in range(size):
-            mean[i] = vector[i]
-        for i in range(size):
-            total = 0.0
-            for k in range(size):
-                total += matrix[i, k] * mean[k]
-            vector[i] = total
+        _apply(transition, mean, moved)
+        _apply(matrix, moved, vector)
     return -1
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.estimation.kernels import factor, invert, solve
+from onboard.estimation.kernels import moments
 from onboard.estimation.measurement import MAX_HALVINGS, MAX_ITERATIONS, STEP_TOLERANCE_M
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.planning.jit import entry_kernel, kernel
@@ -196,8 +196,7 @@ def measure_blocks(
     Returns:
         −1, or the first block whose Ω is not positive definite.
     """
-    size = vectors.shape[1]
-    lower, half, covariance, mean = work[0], work[1], work[2], work[3, 0]
+    covariance, mean = work[2], work[3, 0]
     for index in range(looks.shape[0]):
         look, block = looks[index], owners[index]
         vector, matrix = vectors[block], matrices[block]
@@ -205,12 +204,8 @@ def measure_blocks(
             known[block] = True
             _start(sensor, speed_precision, look, vector, matrix)
             continue
-        if not factor(matrix, lower):
+        if not moments(vector, matrix, work, mean, covariance):
             return int(block)
-        for i in range(size):
-            mean[i] = vector[i]
-        solve(lower, mean)
-        invert(lower, half, covariance)
         vn, ve, nn, ne, ee = _look_information(
             sensor, look, mean[0], mean[1], covariance[0, 0], covariance[0, 1], covariance[1, 1]
         )
