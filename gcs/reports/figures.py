@@ -126,6 +126,9 @@ def _map(flight: FlightSeries) -> Figure:
 
 def _entropy(flight: FlightSeries) -> Figure:
     figure, axes = _over_time(flight, "entropy, nats")
+    if not any(map(math.isfinite, flight.entropy_nats)):
+        _nothing(axes, "no estimates")
+        return figure
     for values in flight.target_entropy_nats.values():
         axes.plot(flight.times_s, values, color=_MUTED, linewidth=0.6, alpha=0.5)
     axes.plot(flight.times_s, _until_landing(flight, flight.entropy_nats), color=BLUE, linewidth=1.8)
@@ -137,6 +140,9 @@ def _rmse(flight: FlightSeries) -> Figure:
     figure, axes = _over_time(flight, "position error, m")
     if not flight.truth_m:
         _nothing(axes, "the true places are not known")
+        return figure
+    if not any(map(math.isfinite, flight.rmse_m)):
+        _nothing(axes, "no estimates")
         return figure
     for values in flight.target_error_m.values():
         axes.plot(flight.times_s, values, color=_MUTED, linewidth=0.6, alpha=0.5)

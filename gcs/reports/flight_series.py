@@ -144,12 +144,13 @@ def _summary(recording: Recording, replay: Replay, start_s: float | None) -> dic
     """The flight's own summary; worked out anew when it did not come to that."""
     if recording.summary is not None:
         return recording.summary
+    end_s = recording.landing_since_s or recording.end_s
     facts = summary.FlightFacts(
         scenario=recording.scenario.name,
         version=str(recording.about.get("version", "unknown")),
         seed=recording.about.get("seed"),
         mission_start_s=start_s,
-        mission_end_s=recording.landing_since_s or (recording.end_s if start_s is not None else None),
+        mission_end_s=end_s if start_s is not None and end_s >= start_s else None,
         cpu_cores=None,
         cpu_s={},
         problems=("the flight has left no summary: its figures are worked out from what was recorded",),
