@@ -34,6 +34,7 @@ from sim_bridge.experiments.loader import Experiment, load_experiment
 from sim_bridge.experiments.records import Failure, TrialKey, TrialTask, trial_seed
 from sim_bridge.experiments.run import Outcome, connect, run_trials
 from sim_bridge.experiments.store import ResultFolder
+from sim_bridge.figure_files import save
 
 __all__ = ["ExperimentOptions", "run_experiment"]
 
@@ -218,9 +219,9 @@ def _conclude(console: Console, experiment: Experiment, store: ResultFolder) -> 
     page = report.markdown(summary)
     store.write_text("summary.md", page)
     pictures_of_run = store.path / "figures"
-    figures.save(figures.draw_curves(arms, ordered=_is_sweep(experiment)), pictures_of_run / "curves")
-    figures.save(figures.draw_means(summary), pictures_of_run / "means")
-    figures.save(figures.draw_costs(experiment.axis, summary), pictures_of_run / "costs")
+    save(figures.draw_curves(arms, ordered=_is_sweep(experiment)), pictures_of_run / "curves")
+    save(figures.draw_means(summary), pictures_of_run / "means")
+    save(figures.draw_costs(experiment.axis, summary), pictures_of_run / "costs")
     console.print(Markdown(page))
     console.print(f"results: {store.path}", highlight=False, soft_wrap=True)
 

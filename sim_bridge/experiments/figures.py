@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -17,21 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sim_bridge.experiments.statistics import ArmTrials, interval_curve
+from sim_bridge.figure_files import STYLE
 
-__all__ = ["BLUE", "GREEN", "ORANGE", "STYLE", "draw_costs", "draw_curves", "draw_means", "save"]
-
-STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "arvi",
-    "figure.constrained_layout.use": True,
-}
+__all__ = ["BLUE", "GREEN", "ORANGE", "draw_costs", "draw_curves", "draw_means"]
 
 BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 _COLORS = (BLUE, ORANGE, GREEN, "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -61,15 +48,6 @@ _LOG_RATIO = 15.0
 class _Look(NamedTuple):
     color: Any
     line: str
-
-
-def save(figure: Figure, path: Path) -> list[Path]:
-    """Write a figure as PNG and SVG; the files."""
-    files = [path.with_suffix(".png"), path.with_suffix(".svg")]
-    with mpl.rc_context(STYLE):  # what makes an SVG the same every time counts when it is written
-        figure.savefig(files[0], dpi=160, metadata={"Software": None})
-        figure.savefig(files[1], metadata={"Date": None, "Creator": None})
-    return files
 
 
 def draw_curves(arms: Sequence[ArmTrials], *, ordered: bool = False) -> Figure:

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
-from sim_bridge.experiments.figures import BLUE, GREEN, ORANGE, STYLE, save
+from sim_bridge.experiments.figures import BLUE, GREEN, ORANGE
 from sim_bridge.experiments.records import TrialTask
 from sim_bridge.experiments.trial import build_world
+from sim_bridge.figure_files import STYLE, save
 from sim_bridge.lockstep.world import LockstepWorld
 
 __all__ = ["animate", "draw_world", "snapshot"]

@@ -12,6 +12,7 @@ from sim_bridge.experiments.loader import load_experiment
 from sim_bridge.experiments.records import TrialTask
 from sim_bridge.experiments.store import ResultFolder
 from sim_bridge.experiments.trial import build_world, run_trial
+from sim_bridge.figure_files import save
 
 
 def task_of(tiny: Path, arm: int = 1, trial: int = 0) -> TrialTask:
@@ -44,7 +45,7 @@ def test_figures_and_summary_of_a_run(tiny: Path, tmp_path: Path) -> None:
         ("means", figures.draw_means(summary)),
         ("costs", figures.draw_costs(experiment.axis, summary)),
     ]:
-        png, svg = figures.save(figure, tmp_path / name)
+        png, svg = save(figure, tmp_path / name)
         with Image.open(png) as image:
             assert min(image.size) > 100
         assert ET.parse(svg).getroot().tag.endswith("svg")
