@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from collections.abc import Callable
 from gcs.commands import AUTOPILOT, ONBOARD, describe
 from gcs.fleet import FleetOutcome, FleetProcess, Verdict
 from gcs.mission import UNHURRIED, MissionDirector
+from gcs.onboard_gate import OnboardGate
 from gcs.operator_desk import Action, OperatorDesk, Order, Way, command_for
 from gcs.recording.recorder import Recorder
 from gcs.router import TEAM, Port
@@ -20,6 +22,7 @@ from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent
 from onboard.protocol.codec import Codec, message_id
 from onboard.protocol.commands import CommandClient, CommandOutcome
+from onboard.signing_keeper import SigningKeeper, keeping
 
 __all__ = ["COMPONENT_ID", "GroundStation"]
 
@@ -62,6 +65,9 @@ class GroundStation:
             desk: Where orders arrive; a new one unless given.
             component_id: Of this station; programs that join another one have one of their own.
             clock: UNIX time, s.
+
+        Raises:
+            SigningError: The team's key cannot be used.
         """
         self.team = TeamMonitor(scenario)
         self.director = director
@@ -73,10 +79,17 @@ class GroundStation:
         # Programs that join in have ids of 25 and up, two each: one for themselves, one for their MAVSDK.
         mavsdk_component = mavlink.MAV_COMP_ID_USER1 if component_id == COMPONENT_ID else component_id + 1
         self._mavsdk_identity = (scenario.ground.system_id, mavsdk_component)
-        self._codec = Codec(*self._identity)
+        self._open = contextlib.AsyncExitStack()
+        self._keeper = None
+        if scenario.signing is not None:
+            self._keeper = SigningKeeper(scenario.signing, f"ground-{self._identity[0]}-{component_id}")
+        self._gate = OnboardGate(None if self._keeper is None else self._keeper.signing)
+        self._codec = Codec(*self._identity, self._gate.signing)
+        self._reader = Codec(*self._identity)
         self._commands = CommandClient()
         self.switchboard = Switchboard(scenario.ground, self._frame, clock, self._mavsdk_identity)
         self.switchboard.admit(self._admits)
+        self.switchboard.verify(self._gate.lets_in)
         self._fleet: FleetProcess | None = None
         self._names: dict[SystemComponent, str] = {}
         for vehicle in scenario.vehicles:
@@ -98,6 +111,7 @@ class GroundStation:
         """
         for problem in await self.switchboard.open(team_url):
             self.team.note(self._clock(), mavlink.MAV_SEVERITY_WARNING, "ground", problem)
+        await self._open.enter_async_context(keeping(self._keeper))
         if mavsdk:
             self._fleet = FleetProcess(self.switchboard.share_port, self._mavsdk_identity, self._tell_fleet)
             self._fleet.start()
@@ -107,6 +121,7 @@ class GroundStation:
         if self._fleet is not None:
             await self._fleet.stop()
             self._fleet = None
+        await self._open.aclose()
         self.switchboard.close()
 
     async def run(self) -> None:
@@ -122,6 +137,7 @@ class GroundStation:
     def tick(self) -> None:
         """Let time pass: heartbeats, commands and their repetition, the cores' own clocks."""
         now_s = self._clock()
+        self._gate.advance(now_s)
         self.team.advance(now_s)
         if self.director is not None:
             for command in self.director.update(self.team.state(now_s)):
@@ -138,6 +154,8 @@ class GroundStation:
             self._note(outcome, now_s)
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s = now_s + _HEARTBEAT_S
+            if (notice := self._gate.notice(now_s)) is not None:
+                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "ground", notice)
             self.switchboard.router.forget_silent(now_s)
             self._heartbeat(now_s)
             if self._recorder is not None:
@@ -156,7 +174,7 @@ class GroundStation:
             self.team.sequence(frame, source, now_s)
         if kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK and not self.team.wants(kind, source[0], now_s):
             return
-        for message in self._codec.decode(frame):
+        for message in self._reader.decode(frame):
             if isinstance(message, mavlink.MAVLink_command_ack_message):
                 self._acknowledged(message, now_s)
             else:

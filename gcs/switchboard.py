@@ -57,10 +57,15 @@ class Switchboard:
         self._frugal = frugal
         self._links: dict[str, DatagramLink] = {}
         self._admits: Callable[[SystemComponent], bool] = lambda _: True
+        self._is_genuine: Callable[[bytes, SystemComponent], bool] = lambda _frame, _source: True
 
     def admit(self, admits: Callable[[SystemComponent], bool]) -> None:
         """Ask this about every component that is heard for the first time on the team's link."""
         self._admits = admits
+
+    def verify(self, is_genuine: Callable[[bytes, SystemComponent], bool]) -> None:
+        """Ask this about every frame of the team's link; what is not genuine is neither believed nor passed on."""
+        self._is_genuine = is_genuine
 
     async def open(self, team_url: str | None = None) -> list[str]:
         """Open all links; what could not be had, but is no reason not to fly.
@@ -136,6 +141,8 @@ class Switchboard:
                 continue
             source = source_of(frame)
             if link == TEAM and self.router.team_port(source) is None and not self._admits(source):
+                continue
+            if link == TEAM and not self._is_genuine(frame, source):
                 continue
             if not self.router.receive(frame, port, now_s):
                 continue

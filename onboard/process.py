@@ -21,9 +21,10 @@ from onboard.planning.plan import Budget, Plan
 from onboard.planning.pluggable import PlannerSetup, load_planner
 from onboard.planning.warmup import warm_kernels
 from onboard.protocol import dialect as mavlink
+from onboard.protocol.signing import Signing
 from onboard.protocol.transport import Link, open_link
 from onboard.realtime import make_this_thread_urgent
-from onboard.signing_keeper import SigningKeeper
+from onboard.signing_keeper import SigningKeeper, keeping
 
 __all__ = ["clock_of", "fly"]
 
@@ -50,7 +51,7 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
     vehicle = scenario.vehicle(vehicle_id)
     keeper = None if scenario.signing is None else SigningKeeper(scenario.signing, f"vehicle-{vehicle_id}")
     warm_kernels()
-    process = _Process(scenario, vehicle_id, keeper)
+    process = _Process(scenario, vehicle_id, None if keeper is None else keeper.signing)
     try:
         await process.open(
             {
@@ -63,7 +64,8 @@ async def fly(scenario: Scenario, vehicle_id: int) -> None:
         if not make_this_thread_urgent():
             _log.info("no permission for real-time priority: on a busy machine setpoints may come late")
         _log.info("autopilot %s, ground %s", vehicle.autopilot_url, vehicle.ground_url)
-        await process.run()
+        async with keeping(keeper):
+            await process.run()
     finally:
         process.close()
 
@@ -90,10 +92,9 @@ def clock_of(scenario: Scenario, vehicle_id: int, unix_s: Callable[[], float] = 
 
 
 class _Process:
-    def __init__(self, scenario: Scenario, vehicle_id: int, keeper: SigningKeeper | None = None) -> None:
-        self._keeper = keeper
+    def __init__(self, scenario: Scenario, vehicle_id: int, signing: Signing | None = None) -> None:
         self._clock = clock_of(scenario, vehicle_id)
-        self._companion = Companion(scenario, vehicle_id, self._clock(), keeper.signing if keeper is not None else None)
+        self._companion = Companion(scenario, vehicle_id, self._clock(), signing)
         self._planner = load_planner(
             scenario.planner.use,
             PlannerSetup(scenario, vehicle_id, seed=vehicle_id, options=scenario.planner.options),
@@ -121,7 +122,6 @@ class _Process:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._stop)
-        keeping = None if self._keeper is None else loop.create_task(self._keeper.run())
         due = loop.time()
         leave_by = None
         while self._stops < 2:
@@ -138,9 +138,6 @@ class _Process:
                 loop.call_later(until_slot, self._plan)
             due = max(due + self._period_s, loop.time() - self._period_s)
             await asyncio.sleep(due - loop.time())
-        if keeping is not None:
-            keeping.cancel()
-            await asyncio.gather(keeping, return_exceptions=True)
 
     def _stop(self) -> None:
         self._stops += 1

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 from onboard.config.schema import SigningConfig
 from onboard.protocol.signing import Signing
 from onboard.protocol.signing_files import SAVE_PERIOD_S, SigningState, read_key
 
-__all__ = ["SigningKeeper"]
+__all__ = ["SigningKeeper", "keeping"]
 
 _log = logging.getLogger(__name__)
 
 
 class SigningKeeper:
-    """Made when a process starts; :meth:`run` is a task beside its loop.
+    """Made when a process starts; :meth:`run` is a task beside its loop, as :func:`keeping` has it.
 
     Args:
         config: Where key and timestamps are.
@@ -51,3 +53,15 @@ class SigningKeeper:
             if not self._failed:
                 _log.error("signing timestamps %s: %s; a restart will not remember them", self._state.path, error)
             self._failed = True
+
+
+@asynccontextmanager
+async def keeping(keeper: SigningKeeper | None) -> AsyncIterator[None]:
+    """Keeps the timestamps while the block runs, and once more at its end; does nothing without signing."""
+    task = None if keeper is None else asyncio.create_task(keeper.run())
+    try:
+        yield
+    finally:
+        if task is not None:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)

@@ -14,7 +14,11 @@ __all__ = ["BROADCAST", "Codec", "RefusalNotice", "frame_length", "message_id", 
 BROADCAST = 0
 """Target system or component that addresses everybody."""
 
-_NOTICE_PERIOD_S = 10.0
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 10.0, 600.0
+_BROADCAST_BY_ALL = frozenset(
+    {mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_TIMESYNC, mavlink.MAVLINK_MSG_ID_SYSTEM_TIME}
+)
+"""What every other ground station says all the time: unsigned it is dropped as well, but no reason to warn."""
 _MAGIC_V1, _MAGIC_V2 = mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 
@@ -69,23 +73,25 @@ class Codec:
         if self._signing is None:
             return True
         verdict = self._signing.verify(frame)
-        if verdict is not Verdict.GENUINE:
+        if verdict is not Verdict.GENUINE and not (
+            verdict is Verdict.UNSIGNED and message_id(frame) in _BROADCAST_BY_ALL
+        ):
             self.refused[verdict] += 1
         return verdict is Verdict.GENUINE
 
 
 class RefusalNotice:
-    """What to tell the operator of frames that signed links refuse: at once, then at most every ten seconds."""
+    """What to tell the operator of frames that signed links refuse: at once, then ever more rarely while it goes on."""
 
     def __init__(self) -> None:
-        self._told: dict[str, tuple[float, int]] = {}
+        self._told: dict[str, tuple[float, int, float]] = {}
 
     def update(self, link: str, refused: Counter[Verdict], time_s: float) -> str | None:
         """One line if there is something new to say of a link at a UNIX time."""
-        told_s, told = self._told.get(link, (-math.inf, 0))
-        if refused.total() == told or time_s - told_s < _NOTICE_PERIOD_S:
+        told_s, told, pause_s = self._told.get(link, (-math.inf, 0, _FIRST_PAUSE_S))
+        if refused.total() == told or time_s - told_s < pause_s:
             return None
-        self._told[link] = (time_s, refused.total())
+        self._told[link] = (time_s, refused.total(), min(2.0 * pause_s, _LONGEST_PAUSE_S))
         kinds = ", ".join(f"{count} {verdict}" for verdict, count in refused.most_common())
         return f"{refused.total() - told} frames refused on the {link} link; so far {kinds}"
 

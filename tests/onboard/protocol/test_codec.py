@@ -1,11 +1,14 @@
 """MAVLink serialization: what is valid is read, what is not is counted and harms nothing."""
 
+from collections import Counter
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from onboard.protocol import dialect as mavlink
-from onboard.protocol.codec import Codec, split_frames
+from onboard.protocol.codec import Codec, RefusalNotice, split_frames
+from onboard.protocol.signing import Verdict
 
 
 def heartbeat() -> mavlink.MAVLink_heartbeat_message:
@@ -81,3 +84,14 @@ def test_valid_checksums_around_arbitrary_payloads_never_raise(
     header = bytes([len(payload), 0, 0, 0, system, component]) + message_id.to_bytes(3, "little")
     checksum = mavlink.x25crc(header + payload + bytes([mavlink.mavlink_map[message_id].crc_extra]))
     Codec(2, 1).decode(b"\xfd" + header + payload + checksum.crc.to_bytes(2, "little"))
+
+
+def test_a_notice_comes_at_once_and_then_ever_more_rarely() -> None:
+    notice, refused = RefusalNotice(), Counter({Verdict.UNSIGNED: 0})
+    told = []
+    for second in range(200):
+        refused[Verdict.UNSIGNED] += 1
+        if notice.update("ground", refused, float(second)) is not None:
+            told.append(second)
+    assert told == [0, 20, 60, 140]
+    assert notice.update("peers", refused, 0.0) == "200 frames refused on the peers link; so far 200 unsigned"

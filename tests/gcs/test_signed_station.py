@@ -1,0 +1,68 @@
+"""A station with a team's key: nobody else speaks for an onboard process, and what it sends is signed."""
+
+from pathlib import Path
+
+import pytest
+
+from gcs.router import TEAM
+from gcs.station import GroundStation
+from onboard.config import load_scenario
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec
+from onboard.protocol.signing import SignedLink, Signing, SigningError
+from onboard.protocol.signing_files import read_key, write_new_key
+
+NOW = 1.8e9
+ADDRESS, THIEF = ("127.0.0.1", 40001), ("127.0.0.1", 6666)
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3)
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    write_new_key(tmp_path / "team.key")
+    path = tmp_path / "signed.yaml"
+    path.write_text(Path("configs/lab.yaml").read_text() + "\nsigning: {key_file: team.key, state_folder: state}\n")
+    return path
+
+
+@pytest.fixture
+def station(config: Path) -> GroundStation:
+    station = GroundStation(load_scenario(config), clock=lambda: NOW)
+    station.tick()
+    return station
+
+
+def signed(config: Path, system: int = 1) -> Codec:
+    signing = Signing(read_key(config.parent / "team.key"))
+    signing.advance(NOW)
+    return Codec(system, 191, signing.link(SignedLink.GROUND))
+
+
+def test_only_the_teams_key_opens_the_way_to_an_onboard_process(station: GroundStation, config: Path) -> None:
+    board, receive = station.switchboard, station.switchboard.receive
+    receive(TEAM, Codec(1, 191).encode(HEARTBEAT), THIEF)
+    assert board.heard() == set()
+    genuine = signed(config).encode(HEARTBEAT)
+    receive(TEAM, genuine, ADDRESS)
+    assert board.router.team_port((1, 191)).address == ADDRESS
+    receive(TEAM, genuine, THIEF)
+    assert board.router.team_port((1, 191)).address == ADDRESS, "a replay does not redirect the commands"
+
+
+def test_an_autopilot_needs_no_key(station: GroundStation) -> None:
+    station.switchboard.receive(TEAM, Codec(1, 1).encode(HEARTBEAT), ADDRESS)
+    assert station.switchboard.heard() == {(1, 1)}
+
+
+def test_the_operator_is_told_who_knocked(station: GroundStation, config: Path) -> None:
+    station.switchboard.receive(TEAM, Codec(1, 191).encode(HEARTBEAT), THIEF)
+    station._next_heartbeat_s = 0.0
+    station.tick()
+    events = station.team.take_events()
+    assert any("1 frames refused on the ground link; so far 1 unsigned" in event.text for event in events)
+
+
+def test_without_its_key_a_station_does_not_start(config: Path) -> None:
+    (config.parent / "team.key").chmod(0o644)
+    with pytest.raises(SigningError, match="chmod 600"):
+        GroundStation(load_scenario(config))
