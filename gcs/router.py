@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent, source_of, target_of
 from onboard.protocol.codec import BROADCAST
 from onboard.protocol.transport import Address
@@ -24,6 +25,7 @@ TEAM = "team"
 _ROUTE_TIMEOUT_S = 3.0
 """Silence after which a component is reached where else it is heard, s."""
 
+_AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _SILENT_AFTER_S = 10.0
 _MAX_PORTS_PER_LINK = 16
 
@@ -81,7 +83,8 @@ class Router:
         """Learn from a frame; whether it may be used.
 
         A component is where it was heard first until it is silent there: some autopilots forward what their companions
-        send, and such a copy does not replace the direct way.
+        send, and such a copy does not replace the direct way. The direct way always replaces the one through the
+        autopilot, which may have been the first to be read after this program stood still.
         """
         source = source_of(frame)
         if port.link != TEAM:
@@ -93,7 +96,12 @@ class Router:
                 self.refused += 1
                 return False
             self._others[port] = now_s
-        if self._ports.get(source) == port or now_s - self._heard_s.get(source, -math.inf) > _ROUTE_TIMEOUT_S:
+        known = self._ports.get(source)
+        through_autopilot = (
+            source[1] != _AUTOPILOT and known is not None and known == self._ports.get((source[0], _AUTOPILOT))
+        )
+        silent = now_s - self._heard_s.get(source, -math.inf) > _ROUTE_TIMEOUT_S
+        if known == port or silent or through_autopilot:
             self._ports[source] = port
             self._heard_s[source] = now_s
         return True

@@ -51,6 +51,17 @@ def test_an_acknowledgement_goes_to_who_asked_only(router):
     assert router.ways(frame(1, 1, ours), ONE) == []
 
 
+def test_the_direct_way_to_a_component_beats_the_copy_that_its_autopilot_forwards(router):
+    router.receive(frame(2, 191), TWO, 1.0)
+    assert router.port_of((2, 191)) == TWO_B
+    # After a standstill of this program, the copy may be the first to be read.
+    router.receive(frame(2, 191), TWO, 60.0)
+    assert router.port_of((2, 191)) == TWO
+    router.receive(frame(2, 191), TWO_B, 60.1)
+    router.receive(frame(2, 191), TWO, 60.2)
+    assert router.port_of((2, 191)) == TWO_B
+
+
 def test_vehicles_are_not_connected_with_each_other(router):
     assert router.ways(frame(1, 1, command(2, 1)), ONE) == []
 
