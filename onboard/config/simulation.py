@@ -38,6 +38,7 @@ class VehicleDynamicsConfig(Section):
     max_climb_m_s: Positive = 1.5
     max_yaw_rate_rad_s: Positive = 3.5
     yaw_rate_time_constant_s: Positive = 0.17
+    drag_per_s: NonNegative = Field(default=0.1, description="how fast the air takes a level vehicle's speed")
     wind_acceleration_std_m_s2: NonNegative = 0.05
 
 

@@ -79,6 +79,7 @@ class Vehicle:
 
     __slots__ = (
         "_damping",
+        "_drag",
         "_ground_down_m",
         "_gust_down",
         "_gust_dt_s",
@@ -124,6 +125,7 @@ class Vehicle:
         self.on_ground = True
         self._ground_down_m = position[2]
         self._stiffness = config.natural_frequency_rad_s**2
+        self._drag = config.drag_per_s
         self._damping = 2.0 * config.damping_ratio * config.natural_frequency_rad_s
         self._max_acceleration = config.max_acceleration_m_s2
         self._max_speed = config.max_speed_m_s
@@ -150,14 +152,15 @@ class Vehicle:
         """The command that makes the vehicle take on an acceleration, as an autopilot does that closes its own loops.
 
         Args:
-            acceleration: North, east, down m/s²; reached with a lag of 1/(2ζωₙ).
+            acceleration: North, east, down m/s² of the thrust and gravity; reached with a lag of 1/(2ζωₙ), and drag
+                takes its part of it.
             yaw_acceleration_rad_s2: Change of the yaw rate, rad/s².
         """
         north, east, down = acceleration
-        lag_s = self._damping / self._stiffness
+        lag_s, drag = self._damping / self._stiffness, self._drag
         return VelocityCommand(
-            self.velocity_north_m_s + lag_s * north,
-            self.velocity_east_m_s + lag_s * east,
+            self.velocity_north_m_s + lag_s * (north - drag * self.velocity_north_m_s),
+            self.velocity_east_m_s + lag_s * (east - drag * self.velocity_east_m_s),
             self.velocity_down_m_s + lag_s * down,
             self.yaw_rate_rad_s + self._yaw_rate_lag * yaw_acceleration_rad_s2,
             motors_on=True,

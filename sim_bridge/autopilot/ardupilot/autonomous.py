@@ -8,7 +8,7 @@ from onboard.protocol.ardupilot_modes import CopterMode
 from sim_bridge.autopilot.ardupilot.control import Wish
 from sim_bridge.autopilot.ardupilot.modes import SINKS_WITHOUT_STICKS
 from sim_bridge.autopilot.core.platform import Platform
-from sim_bridge.autopilot.core.setpoint import Vector
+from sim_bridge.autopilot.core.setpoint import FREE, Vector
 
 __all__ = ["Autonomous"]
 
@@ -43,10 +43,10 @@ class Autonomous:
     def wish(self, mode: CopterMode, time_s: float) -> Wish:
         """What to fly now."""
         if mode is CopterMode.LAND or mode in SINKS_WITHOUT_STICKS:
-            return self._sink(self._place, level=mode is not CopterMode.LAND or not self._platform.position_valid)
+            return self._sink(None, level=mode is not CopterMode.LAND or not self._platform.position_valid)
         if mode in _RETURNS:
             return self._return(time_s)
-        return Wish(position=self._place, yaw_rad=self._yaw_rad)
+        return Wish(yaw_rad=self._yaw_rad)
 
     def _return(self, time_s: float) -> Wish:
         """Climb, fly home, wait for RTL_LOIT_TIME, land."""
@@ -71,11 +71,15 @@ class Autonomous:
             height_m = min(height_m, max(slope * platform.distance_m(home), _MIN_RETURN_HEIGHT_M))
         return min(home[2] - height_m, platform.estimator.down_m)
 
-    def _sink(self, place: Vector, *, level: bool) -> Wish:
-        """LAND_SPEED below LAND_ALT_LOW, above it LAND_SPEED_HIGH, or WPNAV_SPEED_DN where that is 0."""
+    def _sink(self, place: Vector | None, *, level: bool) -> Wish:
+        """Over a place, or where it comes to a stop.
+
+        LAND_SPEED below LAND_ALT_LOW, above it LAND_SPEED_HIGH, or WPNAV_SPEED_DN where that is 0.
+        """
         parameters = self._platform.parameters
         sink = 0.01 * parameters["LAND_SPEED"]
         height_m = self._platform.home_position[2] - self._platform.estimator.down_m
         if height_m > 0.01 * parameters["LAND_ALT_LOW"]:
             sink = 0.01 * (parameters["LAND_SPEED_HIGH"] or parameters["WPNAV_SPEED_DN"])
-        return Wish((place[0], place[1], _NAN), (0.0, 0.0, sink), yaw_rad=self._yaw_rad, level=level)
+        position = FREE if place is None else (place[0], place[1], _NAN)
+        return Wish(position, (0.0, 0.0, sink), yaw_rad=self._yaw_rad, level=level)

@@ -21,6 +21,7 @@ from sim_bridge.autopilot.ardupilot.control import CopterControl
 from sim_bridge.autopilot.ardupilot.copter import Copter
 from sim_bridge.autopilot.ardupilot.guided import Guided
 from sim_bridge.autopilot.ardupilot.parameters import RHYTHM
+from sim_bridge.autopilot.ardupilot.sensor_telemetry import SensorTelemetry
 from sim_bridge.autopilot.ardupilot.setpoints import DeadlySetpointError, Pose3, parse_setpoint
 from sim_bridge.autopilot.ardupilot.streams import DEFAULT_RATES_HZ, STREAM_GROUPS
 from sim_bridge.autopilot.ardupilot.telemetry import CopterTelemetry
@@ -52,6 +53,10 @@ POSITION_TIMEOUT_S = 6.7
 ACCELEROMETER_ERROR_STD_M_S2 = 0.025
 """Two seconds without positions cost 7 cm at most."""
 
+GPS_LOCKED, GPS_FUSED = 2.0, 5.0
+"""When GPS tells where the local origin is, and when the estimate uses it, in times of the alignment."""
+
+_MILESTONES = 3
 _MOTORS_OFF = VelocityCommand()
 _IDLING = VelocityCommand(motors_on=True)
 
@@ -71,7 +76,8 @@ class ArduPilot:
         parameters: ArduPilot's parameters.
         rng: Source of the sensors' errors.
         boot_s: When it is switched on, s.
-        alignment_s: From the boot until tilt and heading are known, s; in software-in-the-loop it takes 6.
+        alignment_s: From the boot until tilt and heading are known, s; in software-in-the-loop it takes 6. What GPS
+            gives comes later: ``GPS_LOCKED``, ``GPS_FUSED``.
         statistics: Where setpoints are counted that arrive while armed and in GUIDED.
 
     Attributes:
@@ -104,6 +110,7 @@ class ArduPilot:
             rng,
             boot_s=boot_s,
             alignment_s=alignment_s,
+            gps_s=GPS_FUSED * alignment_s,
             position_timeout_s=POSITION_TIMEOUT_S,
             accelerometer_error_std_m_s2=ACCELEROMETER_ERROR_STD_M_S2,
             gps_enabled=lambda: parameters["GPS1_TYPE"] != 0,
@@ -114,6 +121,8 @@ class ArduPilot:
         self._gps_origin = None if origin is None else GlobalOrigin.of(origin)
         self._companions: set[tuple[int, int]] = set()
         self._greeted = False
+        self._milestone = 0
+        self._gps_locked_s = boot_s + GPS_LOCKED * alignment_s
         self.vision = CopterVision(platform)
         self.copter = Copter(parameters, platform.outbox.say, self._readiness, self._on_mode)
         self._control = CopterControl(parameters, platform.estimator, vehicle)
@@ -122,6 +131,7 @@ class ArduPilot:
         status = StatusTelemetry(platform, home_has_heading=False)
         self._builders = {
             **status.builders,
+            **SensorTelemetry(platform).builders,
             **CopterTelemetry(platform, self, MotionTelemetry(platform)).builders,
         }
         del self._builders[mavlink.MAVLINK_MSG_ID_PING]
@@ -182,8 +192,8 @@ class ArduPilot:
             for link in LINKS:
                 platform.outbox.send(link, PlainText(_BANNER))
         platform.sense(time_s, dt_s)
-        if platform.origin is None and platform.gps.enabled and platform.position_valid:
-            self._set_origin(self._gps_origin)
+        if self._milestone < _MILESTONES:
+            self._start_up(time_s)
         guided = copter.mode is CopterMode.GUIDED
         lifts_off = copter.armed and guided and self.guided.lifts_off(time_s)
         copter.step(time_s, on_ground=vehicle.on_ground, lifts_off=lifts_off, position=platform.position_valid)
@@ -251,6 +261,22 @@ class ArduPilot:
         self.platform.set_home()
         self._tell_origin_and_home()
         return True
+
+    def _start_up(self, time_s: float) -> None:
+        """Say how the start-up goes on, and take the origin from GPS."""
+        platform = self.platform
+        if platform.origin is None and platform.gps.enabled and time_s >= self._gps_locked_s:
+            self._set_origin(self._gps_origin)
+        source = "external nav data" if platform.vision.active(time_s) else "GPS"
+        for text, reached in (
+            ("ArduPilot Ready", self.initialised),
+            ("EKF3 IMU0 tilt alignment complete", platform.aligned),
+            (f"EKF3 IMU0 is using {source}", platform.position_valid),
+        )[self._milestone :]:
+            if not reached:
+                break
+            self._milestone += 1
+            platform.outbox.say(mavlink.MAV_SEVERITY_INFO, text)
 
     def _fly(self, time_s: float, dt_s: float, *, lifts_off: bool) -> VelocityCommand:
         copter, vehicle = self.copter, self.platform.vehicle

@@ -139,9 +139,10 @@ class CopterControl:
         self._yaw_rate_command = 0.0
 
     @property
-    def planned_speed_m_s(self) -> float:
-        """Horizontal speed of the trajectory now, m/s."""
-        return math.hypot(self._velocity[0], self._velocity[1])
+    def planned_velocity(self) -> Vector:
+        """Velocity of the trajectory now: north, east, down m/s."""
+        north, east, down = self._velocity
+        return (north, east, down)
 
     def reset(self) -> None:
         """Start from where the vehicle is: on the ground, or where a mode takes over after a jump of the estimate."""
@@ -217,9 +218,7 @@ class CopterControl:
             error_north, error_east = wish.position[0] - self._position[0], wish.position[1] - self._position[1]
             distance = math.hypot(error_north, error_east)
             if distance > 0.0:
-                approach = min(
-                    limits.position_xy * distance * 2.0, math.sqrt(limits.acceleration * distance), limits.speed
-                )
+                approach = min(_approach(distance, limits.position_xy, limits.acceleration), limits.speed)
                 north += approach * error_north / distance
                 east += approach * error_east / distance
         # A wish for an acceleration alone is one for whatever velocity it leads to.
@@ -272,3 +271,13 @@ class CopterControl:
             dt_s / YAW_LAGS_S[0], 1.0
         )
         return (self._yaw_rate_command - self._vehicle.yaw_rate_rad_s) / YAW_LAGS_S[1]
+
+
+def _approach(distance_m: float, gain_per_s: float, acceleration_m_s2: float) -> float:
+    """Speed towards a place: proportional near it, further away as braking with an acceleration allows, m/s."""
+    if gain_per_s <= 0.0:
+        return math.sqrt(2.0 * acceleration_m_s2 * distance_m)
+    near_m = acceleration_m_s2 / gain_per_s**2
+    if distance_m <= near_m:
+        return gain_per_s * distance_m
+    return math.sqrt(2.0 * acceleration_m_s2 * (distance_m - 0.5 * near_m))

@@ -142,10 +142,11 @@ class Copter:
         """
         if not on_ground or lifts_off:
             self._touched_s = None
-            self.landed = False
+            # One that is disarmed counts as landed, wherever it is.
+            self.landed = not self.armed
         elif self._touched_s is None:
             self._touched_s = time_s
-        elif not self.landed and (not self.armed or time_s - self._touched_s >= LANDED_AFTER_S):
+        elif not self.armed or time_s - self._touched_s >= LANDED_AFTER_S:
             self.landed = True
         if self.armed and self._touched_s is not None:
             self._disarm_when_idle(time_s, self._touched_s)

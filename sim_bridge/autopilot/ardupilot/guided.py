@@ -114,8 +114,10 @@ class Guided:
         kind, setpoint = self.kind, self.setpoint
         if kind is GuidedKind.TAKEOFF and abs(self._estimator.down_m - self._place[2]) < ARRIVED_M:
             self.kind = GuidedKind.HOLD
-        if kind in (GuidedKind.HOLD, GuidedKind.TAKEOFF):
+        if kind is GuidedKind.TAKEOFF:
             return Wish(position=self._place, yaw_rad=self._yaw_rad)
+        if kind is GuidedKind.HOLD:
+            return Wish(yaw_rad=self._yaw_rad)
         if kind is GuidedKind.POSITION:
             yaw_rad, yaw_rate = self._heading(setpoint)
             return Wish(position=setpoint.position, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
@@ -126,12 +128,7 @@ class Guided:
         acceleration = _STILL if math.isnan(setpoint.acceleration[0]) else setpoint.acceleration
         velocity = setpoint.velocity
         if kind is GuidedKind.ACCELERATION:
-            estimator = self._estimator
-            velocity = (
-                estimator.velocity_north_m_s,
-                estimator.velocity_east_m_s,
-                0.0 if acceleration[2] == 0.0 else estimator.velocity_down_m_s,
-            )
+            velocity = self._control.planned_velocity
         position = setpoint.position if kind is GuidedKind.POSITION_VELOCITY else FREE
         return Wish(position, velocity, acceleration, yaw_rad, yaw_rate)
 
@@ -145,7 +142,7 @@ class Guided:
             self._yaw_rad = self._estimator.yaw_rad
             return math.nan, rate
         velocity = setpoint.velocity
-        if self._control.planned_speed_m_s >= LOOK_AHEAD_SPEED_M_S and not math.isnan(velocity[0]):
+        if math.hypot(*self._control.planned_velocity[:2]) >= LOOK_AHEAD_SPEED_M_S and not math.isnan(velocity[0]):
             self._yaw_rad = math.atan2(velocity[1], velocity[0])
         return self._yaw_rad, 0.0
 

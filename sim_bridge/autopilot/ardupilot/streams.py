@@ -1,7 +1,7 @@
 """What a link of ArduPilot carries: unprompted hardly anything, the rest by stream groups or single intervals.
 
 REQUEST_DATA_STREAM: https://mavlink.io/en/messages/common.html#REQUEST_DATA_STREAM; the groups are those that were
-measured. Messages of the ardupilotmega dialect in them are left out, apart from EKF_STATUS_REPORT.
+measured. Of the ardupilotmega dialect's messages in them EKF_STATUS_REPORT alone is sent.
 """
 
 from __future__ import annotations
@@ -23,13 +23,22 @@ MIN_INTERVAL_US = 3125.0
 """Faster than 0.8 times SCHED_LOOP_RATE is denied."""
 
 STREAM_GROUPS: Mapping[int, tuple[int, ...]] = {
-    mavlink.MAV_DATA_STREAM_RAW_SENSORS: (),
+    mavlink.MAV_DATA_STREAM_RAW_SENSORS: (
+        mavlink.MAVLINK_MSG_ID_RAW_IMU,
+        mavlink.MAVLINK_MSG_ID_SCALED_IMU2,
+        mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE,
+    ),
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_POWER_STATUS,
+        mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
     ),
-    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,),
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (
+        mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+    ),
     mavlink.MAV_DATA_STREAM_RAW_CONTROLLER: (),
     mavlink.MAV_DATA_STREAM_POSITION: (
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,

@@ -45,6 +45,7 @@ class Platform:
         rng: Source of the sensors' errors.
         boot_s: When it is switched on, s.
         alignment_s: From the boot until tilt and heading are known, s.
+        gps_s: From the boot until GPS is fused, s.
         position_timeout_s: How long the estimate holds without a position, s.
         accelerometer_error_std_m_s2: How far the accelerometers are off, m/s².
         gps_enabled: Whether there is a GPS receiver that is fused.
@@ -75,6 +76,7 @@ class Platform:
         *,
         boot_s: float,
         alignment_s: float,
+        gps_s: float,
         position_timeout_s: float,
         accelerometer_error_std_m_s2: float,
         gps_enabled: Callable[[], bool],
@@ -99,6 +101,7 @@ class Platform:
         self.home: Home | None = None
         self.statistics = statistics
         self._aligned_s = boot_s + alignment_s
+        self._gps_s = boot_s + gps_s
         self._start = (vehicle.north_m, vehicle.east_m, vehicle.down_m)
 
     @property
@@ -132,7 +135,7 @@ class Platform:
     def sense(self, time_s: float, dt_s: float) -> None:
         """Follow the sensors over a step; GPS only while nothing better arrives."""
         self.estimator.predict(time_s, dt_s)
-        if time_s >= self._aligned_s and self.gps.enabled and not self.vision.active(time_s):
+        if time_s >= self._gps_s and self.gps.enabled and not self.vision.active(time_s):
             self.gps.step(time_s)
 
     def is_for_us(self, system: int, component: int) -> bool:

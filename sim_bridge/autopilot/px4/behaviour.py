@@ -102,6 +102,7 @@ class Px4:
             rng,
             boot_s=boot_s,
             alignment_s=alignment_s,
+            gps_s=alignment_s,
             position_timeout_s=POSITION_TIMEOUT_S,
             accelerometer_error_std_m_s2=ACCELEROMETER_ERROR_STD_M_S2,
             gps_enabled=lambda: parameters["SYS_HAS_GPS"] != 0 and parameters["EKF2_GPS_CTRL"] != 0,

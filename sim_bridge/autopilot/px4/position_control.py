@@ -19,9 +19,6 @@ from sim_bridge.vehicle import Vehicle, VelocityCommand
 
 __all__ = ["PositionControl"]
 
-DRAG_PER_S = 0.4
-"""How fast a level vehicle loses its horizontal speed when nothing controls it."""
-
 YAW_ACCELERATION_PER_GAIN = 14.5
 """Yaw acceleration per unit of the yaw-rate controller's output, rad/s²: fitted to PX4's SIH quadrotor."""
 
@@ -175,6 +172,6 @@ def _acceleration(
 ) -> float:
     if math.isnan(setpoint):
         # Only the acceleration is controlled; with none asked for, the vehicle stays level and drag slows it.
-        return -DRAG_PER_S * estimated if math.isnan(feed_forward) else feed_forward
+        return 0.0 if math.isnan(feed_forward) else feed_forward
     output = loop.output(setpoint - estimated, gains, _MAX_INTEGRAL_M_S2, dt_s)
     return output if math.isnan(feed_forward) else output + feed_forward

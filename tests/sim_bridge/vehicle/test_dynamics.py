@@ -126,7 +126,7 @@ def test_attitude_turns_thrust_along_the_acceleration():
 
 def test_an_acceleration_is_taken_on_with_a_lag():
     """ȧ = 2ζωₙ (a_wanted − a), and the yaw rate changes as it is told."""
-    vehicle = airborne()
+    vehicle = airborne(VehicleDynamicsConfig(wind_acceleration_std_m_s2=0.0, drag_per_s=0.0))
     lag_s = 1.0 / (2.0 * CALM.damping_ratio * CALM.natural_frequency_rad_s)
     for step in range(1, 200):
         vehicle.step(0.001, vehicle.holding((0.4, 0.0, -0.2), 0.5))
