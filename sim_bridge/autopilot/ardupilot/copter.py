@@ -142,8 +142,8 @@ class Copter:
         """
         if not on_ground or lifts_off:
             self._touched_s = None
-            # One that is disarmed counts as landed, wherever it is.
-            self.landed = not self.armed
+            # Only a takeoff ends being landed; one that is disarmed counts as landed, wherever it is.
+            self.landed = not self.armed or (self.landed and not lifts_off)
         elif self._touched_s is None:
             self._touched_s = time_s
         elif not self.armed or time_s - self._touched_s >= LANDED_AFTER_S:

@@ -1,6 +1,6 @@
 """PX4's control from positions and headings down to accelerations, as its ``mc_*_control`` modules do it.
 
-Position errors become velocities (P), velocity errors accelerations (PI), heading errors yaw rates (P), and yaw-rate
+Position errors become velocities (P), velocity errors accelerations (PID), heading errors yaw rates (P), and yaw-rate
 errors torques (PI) within what the rotors can give. PX4's own gains act here, so a vehicle that is tuned flies tuned.
 """
 
@@ -51,6 +51,7 @@ class _Gains:
     position_xy: float
     position_z: float
     velocity_xy: tuple[float, float]
+    velocity_xy_d: float
     velocity_z: tuple[float, float]
     speed_limits: tuple[float, float]
     climb_limits: tuple[float, float]
@@ -68,6 +69,7 @@ class _Gains:
             position_xy=get("MPC_XY_P"),
             position_z=get("MPC_Z_P"),
             velocity_xy=(get("MPC_XY_VEL_P_ACC"), get("MPC_XY_VEL_I_ACC")),
+            velocity_xy_d=get("MPC_XY_VEL_D_ACC"),
             velocity_z=(get("MPC_Z_VEL_P_ACC"), get("MPC_Z_VEL_I_ACC")),
             speed_limits=(get("MPC_XY_VEL_MAX"), get("MPC_XY_CRUISE")),
             climb_limits=(get("MPC_Z_VEL_MAX_UP"), get("MPC_TKO_SPEED")),
@@ -132,10 +134,12 @@ class PositionControl:
         down = min(max(down, -gains.climb_limits[cruise]), gains.max_sink_m_s)
         down = max(down, -max_climb_m_s)
         self.velocity = (north, east, down)
-        wanted = setpoint.acceleration
+        wanted, tilt, damping = setpoint.acceleration, self._tilt, gains.velocity_xy_d
         acceleration = (
-            _acceleration(self._north, north, estimator.velocity_north_m_s, wanted[0], gains.velocity_xy, dt_s),
-            _acceleration(self._east, east, estimator.velocity_east_m_s, wanted[1], gains.velocity_xy, dt_s),
+            _acceleration(self._north, north, estimator.velocity_north_m_s, wanted[0], gains.velocity_xy, dt_s)
+            - (0.0 if math.isnan(north) else damping * tilt.north),
+            _acceleration(self._east, east, estimator.velocity_east_m_s, wanted[1], gains.velocity_xy, dt_s)
+            - (0.0 if math.isnan(east) else damping * tilt.east),
             _acceleration(self._down, down, estimator.velocity_down_m_s, wanted[2], gains.velocity_z, dt_s),
         )
         return self._vehicle.holding(self._tilt.step(acceleration, dt_s), self._yaw_acceleration(setpoint, gains, dt_s))

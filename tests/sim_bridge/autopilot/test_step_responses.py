@@ -12,7 +12,7 @@ import pytest
 from onboard.protocol import dialect as mavlink
 
 RECORDED = json.loads((Path(__file__).parents[2] / "data" / "step_responses.json").read_text(encoding="utf-8"))
-PX4_TUNED = {"MPC_XY_VEL_P_ACC": 3.5, "MC_YAWRATE_P": 0.6}
+PX4_TUNED = {"MPC_XY_VEL_P_ACC": 4.0, "MC_YAWRATE_P": 0.6}
 FAST_YAW = {"ATC_SLEW_YAW": 18000.0}
 STILL = 2503  # velocity and yaw
 
@@ -57,7 +57,7 @@ def test_px4_reaches_a_velocity_with_its_defaults_as_fast_as_measured(bench):
     while flight.vehicle.velocity_north_m_s < 0.9:
         flight.run(0.02, setpoint)
         assert flight.time_s - start_s < 3.0
-    assert flight.time_s - start_s == pytest.approx(1.0, abs=0.2)
+    assert flight.time_s - start_s == pytest.approx(1.1, abs=0.15)
 
 
 @pytest.mark.parametrize("case", cases("ardupilot"))
