@@ -30,7 +30,6 @@ from gcs.supervisor import ChildExit, Supervisor, tail
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
 from onboard.messages import FlightState
-from onboard.planning.warmup import warm_filter_and_map
 from onboard.protocol import dialect as mavlink
 
 __all__ = ["FlightOptions", "FlightResult", "Programs", "fly"]
@@ -237,7 +236,6 @@ class _Flight:
             log = self._supervisor.log_folder / "warmup.log"
             self._problem(f"the planner's kernels cannot be compiled (exit code {returncode})", tail(log))
             return False
-        warm_filter_and_map()  # here, too: the team's first map tile must not keep the ground from listening
         return True
 
     async def _launch(self) -> None:

@@ -1,5 +1,8 @@
 """The ground's union of explored tiles, against the robots' own map."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -39,3 +42,9 @@ def test_like_a_robots_map_tile_by_tile_and_as_it_forgets(scenario, forget_after
 def test_tiles_of_elsewhere_are_refused(scenario, tile):
     with pytest.raises(MappingError):
         ExploredMonitor(scenario).receive(tile, 0.0)
+
+
+def test_a_ground_station_loads_no_compiler():
+    """Numba costs it 200 MB, seconds of start, and a second of deafness at the first call of a kernel."""
+    code = "import sys, gcs.run, gcs.dashboard.page; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
