@@ -37,8 +37,8 @@ class Command:
     link: LinkName
 
 
-Handler = Callable[[Command], int]
-"""Carries a command out; returns its MAV_RESULT."""
+Handler = Callable[[Command], int | None]
+"""Carries a command out; returns its MAV_RESULT, None for silence."""
 
 
 class CommandReceiver:
@@ -107,7 +107,8 @@ class CommandReceiver:
             return
         handler = self._handlers.get(command.number)
         result = mavlink.MAV_RESULT_UNSUPPORTED if handler is None else handler(command)
-        self.acknowledge(place, message, command.number, result, command.link)
+        if result is not None:
+            self.acknowledge(place, message, command.number, result, command.link)
 
 
 def integer(value: float, otherwise: int = -1) -> int:

@@ -53,6 +53,9 @@ POSITION_TIMEOUT_S = 4.65
 ACCELEROMETER_ERROR_STD_M_S2 = 0.2
 """Without positions it is metres off after 8 s."""
 
+MIN_TAKEOFF_S = 1.0
+"""TAKEOFF in the air, at its height already, is over after so long."""
+
 _MOTORS_OFF = VelocityCommand()
 _CRUISE_MODES = frozenset({Px4Mode.TAKEOFF, Px4Mode.LOITER, Px4Mode.LAND, Px4Mode.RTL})
 _TAKEOFF_MARGIN_M = 0.1
@@ -116,6 +119,8 @@ class Px4:
         self._offboard = OffboardInput(statistics)
         self._timesync = {link: TimeSync() for link in LINKS}
         self._vision = Px4Vision(platform, self._timesync)
+        self._flown_mode: Px4Mode | None = None
+        self._flown_since_s = boot_s
         self._ramp = TakeoffRamp(parameters)
         self._land_detector = LandDetector(parameters)
         self._tasks = FlightTasks(parameters, platform.estimator, self._offboard)
@@ -271,6 +276,8 @@ class Px4:
 
     def _fly(self, time_s: float, dt_s: float) -> VelocityCommand:
         mode, landed = self.commander.mode, self._land_detector.landed
+        if mode is not self._flown_mode:
+            self._flown_mode, self._flown_since_s = mode, time_s
         setpoint = self._tasks.setpoint(mode, self.platform.home_position, on_ground=landed)
         self._ramp.step(time_s, armed=True, landed=landed, wants_takeoff=self._wants_takeoff(mode, setpoint))
         grounded = self._ramp.phase in (TakeoffPhase.SPOOLUP, TakeoffPhase.READY)
@@ -278,7 +285,8 @@ class Px4:
         if self.platform.vehicle.on_ground:
             self._control.reset()
         command = self._control.command(setpoint, self._ramp.max_climb_m_s, dt_s, cruise=mode in _CRUISE_MODES)
-        if mode is Px4Mode.TAKEOFF and not landed and self._tasks.takeoff_complete:
+        lasted = time_s - self._flown_since_s >= MIN_TAKEOFF_S
+        if mode is Px4Mode.TAKEOFF and not landed and lasted and self._tasks.takeoff_complete:
             self.commander.finish_takeoff()
         return command
 

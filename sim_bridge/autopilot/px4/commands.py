@@ -78,6 +78,7 @@ class Px4Commands:
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_message_interval,
             mavlink.MAV_CMD_GET_HOME_POSITION: self._get_home_position,
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_capabilities,
+            mavlink.MAV_CMD_EXTERNAL_POSITION_ESTIMATE: lambda _: None,  # taken, and never acknowledged
         }
 
     def set_mode(self, message: mavlink.MAVLink_set_mode_message) -> int:
