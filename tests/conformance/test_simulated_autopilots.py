@@ -12,8 +12,6 @@ import pytest
 from sim_bridge.conformance import Family, Outcome, Plan, load_catalogue
 from sim_bridge.conformance.simulated import run_simulated
 
-SIMULATED = [Family.PX4]
-
 
 @functools.cache
 def results(family, link, position):
@@ -25,7 +23,7 @@ def results(family, link, position):
 def cases():
     return [
         pytest.param(family, entry, id=f"{family}-{entry.id}-{entry.source}")
-        for family in SIMULATED
+        for family in Family
         for entry in load_catalogue(family).entries
     ]
 
