@@ -212,7 +212,9 @@ class FlightConfig(Section):
     height_gain_per_s: NonNegative = Field(default=1.0, description="where height is held through vertical velocity")
     climb_m_s: Positive = 0.8
     return_speed_m_s: Positive = 1.0
-    return_patience_s: Positive = Field(default=10.0, description="how long to wait above home for teammates")
+    return_patience_s: Positive = Field(
+        default=10.0, description="how long to wait above home, or to get there, before landing"
+    )
     reanchor_error_m: Positive = 0.6
     guard: GuardConfig = GuardConfig()
     autopilot_timeout_s: Positive = 4.5

@@ -73,6 +73,7 @@ class FlightMachine:
         self._flown_until_s = math.inf
         self._since_s = -math.inf
         self._command_s = -math.inf
+        self._return_by_s = math.inf
         self._launch = Launch((), 0.0)
         self._launched_s = math.inf
         self._custody = Custody(link)
@@ -244,9 +245,11 @@ class FlightMachine:
             self._start_stream(previous)
         elif state is FlightState.RETURN:
             self._next = None
-            self.trajectory = Transfer(
+            way = Transfer(
                 time_s, self._now(time_s), self._home.north_m, self._home.east_m, self._config.return_speed_m_s
             )
+            self.trajectory = way
+            self._return_by_s = way.end_s + self._config.return_patience_s
             self._start_stream(previous)
         elif state is FlightState.LAND:
             self._land_taken = previous is FlightState.ARM
@@ -311,7 +314,7 @@ class FlightMachine:
         return FlightState.ARM
 
     def _takeoff(self, time_s: float, may_descend: bool) -> FlightState:
-        error = abs(self._measured_down_m + self._vehicle.layer_m)
+        error = self._off_layer_m()
         self._near_layer_s = min(self._near_layer_s, time_s) if error < NEAR_LAYER_M else math.inf
         reached = error < AT_LAYER_M or time_s - self._near_layer_s > NEAR_LAYER_PATIENCE_S
         return FlightState.HOLD if reached else FlightState.TAKEOFF
@@ -331,13 +334,14 @@ class FlightMachine:
         return FlightState.TRACK
 
     def _return(self, time_s: float, may_descend: bool) -> FlightState:
-        waited = time_s - self._since_s
-        if self._distance_home_m() < OVER_HOME_M and self._at_layer():
-            if may_descend:
-                return FlightState.LAND
-            if waited > self._config.return_patience_s:
-                self._say(mavlink.MAV_SEVERITY_WARNING, "teammates still fly nearby; landing all the same")
-                return FlightState.LAND
+        distance_m = self._distance_home_m()
+        arrived = distance_m < OVER_HOME_M and self._off_layer_m() < NEAR_LAYER_M
+        if arrived and may_descend:
+            return FlightState.LAND
+        if time_s >= self._return_by_s:
+            why = "teammates still fly nearby" if arrived else f"{distance_m:.1f} m from home"
+            self._say(mavlink.MAV_SEVERITY_WARNING, f"{why}; landing all the same")
+            return FlightState.LAND
         return FlightState.RETURN
 
     def _land(self, time_s: float, may_descend: bool) -> FlightState:
@@ -410,8 +414,8 @@ class FlightMachine:
         position = self._link.position
         return 0.0 if position is None else position[2]
 
-    def _at_layer(self) -> bool:
-        return abs(self._measured_down_m + self._vehicle.layer_m) < AT_LAYER_M
+    def _off_layer_m(self) -> float:
+        return abs(self._measured_down_m + self._vehicle.layer_m)
 
     def _distance_home_m(self) -> float:
         measured = self._link.pose()

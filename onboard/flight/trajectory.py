@@ -84,6 +84,9 @@ class Transfer:
         north_m: Where to, mission frame.
         east_m: Where to, mission frame.
         speed_m_s: How fast.
+
+    Attributes:
+        end_s: UNIX time at the end, s.
     """
 
     def __init__(self, start_s: float, start: Pose, north_m: float, east_m: float, speed_m_s: float) -> None:
@@ -92,6 +95,7 @@ class Transfer:
         self._end = Pose(north_m, east_m, start.yaw_rad)
         distance = start.distance_m(self._end)
         self._duration_s = distance / speed_m_s
+        self.end_s = start_s + self._duration_s
         self._velocity = (
             ((north_m - start.north_m) / self._duration_s, (east_m - start.east_m) / self._duration_s)
             if distance > 0.0

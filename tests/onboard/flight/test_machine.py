@@ -39,6 +39,7 @@ class Flight:
         self.mode: int = Px4Mode.LOITER if family == "px4" else CopterMode.STABILIZE
         self.armed = False
         self.ready = True
+        self.wind_m_s = 0.0
         self.ready_in: int | None = None
         self.silent = False
         self.failsafe = False
@@ -120,7 +121,7 @@ class Flight:
         self.setpoints.append(setpoint)
         if not self.armed or self.mode != self.behaviour.guided_mode:
             return
-        self.position[0] += setpoint.vx * TICK_S
+        self.position[0] += (setpoint.vx + self.wind_m_s) * TICK_S
         self.position[1] += setpoint.vy * TICK_S
         if self.behaviour is BEHAVIOURS["px4"]:
             self.position[2] = setpoint.z
@@ -442,6 +443,15 @@ def test_it_waits_above_home_while_a_teammate_may_cross_below_but_not_for_ever(f
     assert flight.machine.over_home
     flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=8.0)
     assert any("landing all the same" in text for text in flight.texts)
+
+
+def test_a_vehicle_that_the_wind_keeps_from_home_lands_where_it_got_to(flight: Flight) -> None:
+    flight.fly_to(FlightState.TRACK)
+    flight.run(2.0)
+    flight.wind_m_s = 0.6
+    flight.machine.land(flight.time_s)
+    flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=15.0)
+    assert any("m from home; landing all the same" in text for text in flight.texts)
 
 
 def test_landing_on_a_lost_mode_command_is_asked_for_again(flight: Flight) -> None:
