@@ -197,17 +197,21 @@ class FlightConfig(Section):
     """The setpoint stream and the flight states."""
 
     setpoint_rate_hz: Annotated[float, Field(ge=10.0, le=200.0)] = 50.0
-    position_gain_per_s: NonNegative = 1.2
-    max_correction_m_s: NonNegative = 0.5
+    position_gain_per_s: NonNegative | None = Field(
+        default=None, description="velocity per position error; null takes what suits the vehicle's autopilot"
+    )
+    max_correction_m_s: NonNegative | None = Field(default=None, description="bound of that velocity; null as above")
     velocity_delay_s: NonNegative | None = Field(
-        default=None,
-        description="from a commanded to the flown velocity; null takes what was measured of its autopilot",
+        default=None, description="from a commanded to the flown velocity; null as above"
     )
     velocity_lag_s: NonNegative | None = Field(
         default=None, description="time constant of the velocity after that delay; null as above"
     )
     yaw_delay_s: NonNegative | None = Field(
         default=None, description="from a commanded to the flown yaw; null as above"
+    )
+    max_yaw_acceleration_rad_s2: Positive | None = Field(
+        default=None, description="of commanded yaw, where more would disturb the rest; null as above"
     )
     height_gain_per_s: NonNegative = Field(default=1.0, description="where height is held through vertical velocity")
     climb_m_s: Positive = 0.8

@@ -38,8 +38,7 @@ class ArduPilot:
     guided_mode: int = CopterMode.GUIDED
     land_mode: int = CopterMode.LAND
     streams_before_takeoff = False
-    type_mask: int = _TYPE_MASK
-    response = Response(velocity_delay_s=0.24, velocity_lag_s=0.25)
+    response = Response(velocity_delay_s=0.42, yaw_delay_s=0.25)
     integers_bytewise = False
     returns_from_failsafe = False
     rates_hz: Mapping[int, float] = MappingProxyType(
@@ -90,15 +89,15 @@ class ArduPilot:
             system_id,
             component,
             mavlink.MAV_FRAME_LOCAL_NED,
-            self.type_mask,
+            _TYPE_MASK,
             0.0,
             0.0,
             0.0,
             setpoint.velocity_north_m_s,
             setpoint.velocity_east_m_s,
             setpoint.velocity_down_m_s,
-            setpoint.acceleration_north_m_s2,
-            setpoint.acceleration_east_m_s2,
+            0.0,
+            0.0,
             0.0,
             setpoint.yaw_rad,
             setpoint.yaw_rate_rad_s,

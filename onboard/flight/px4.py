@@ -23,11 +23,9 @@ _TYPE_MASK = (
     mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
 )
-"""vx, vy, z, yaw and, as feed-forward, yaw rate."""
+"""vx, vy, z, yaw and, as feed-forward, ax, ay, yaw rate."""
 
 _NEEDS_STICKS = frozenset({Px4Mode.MANUAL, Px4Mode.ALTCTL, Px4Mode.POSCTL, Px4Mode.ACRO, Px4Mode.STABILIZED})
 
@@ -40,8 +38,7 @@ class Px4:
     guided_mode: int = Px4Mode.OFFBOARD
     land_mode: int = Px4Mode.LAND
     streams_before_takeoff = True
-    type_mask: int = _TYPE_MASK
-    response = Response()
+    response = Response(velocity_delay_s=0.12, max_yaw_acceleration_rad_s2=3.0)
     integers_bytewise = True
     returns_from_failsafe = True
     rates_hz: Mapping[int, float] = MappingProxyType(
@@ -91,7 +88,7 @@ class Px4:
             system_id,
             component,
             mavlink.MAV_FRAME_LOCAL_NED,
-            self.type_mask,
+            _TYPE_MASK,
             0.0,
             0.0,
             setpoint.down_m,

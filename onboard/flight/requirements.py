@@ -16,6 +16,10 @@ from onboard.config.schema import Scenario, VehicleConfig
 __all__ = ["Bits", "Needs", "OneOf", "Requirement", "Severity", "Wanted", "Within"]
 
 
+MAX_CORRECTION_M_S = 1.0
+"""Of position control, unless configured: no autopilot's is larger."""
+
+
 @dataclass(frozen=True, slots=True)
 class Needs:
     """What flying a scenario asks of a vehicle.
@@ -42,9 +46,10 @@ class Needs:
     def of(cls, scenario: Scenario, vehicle: VehicleConfig) -> Needs:
         """What a vehicle of a scenario needs."""
         primitives = scenario.primitives
+        correction_m_s = scenario.flight.max_correction_m_s
         return cls(
             speed_m_s=max(*(speed for speed, _ in primitives), scenario.flight.return_speed_m_s),
-            correction_m_s=scenario.flight.max_correction_m_s,
+            correction_m_s=correction_m_s if correction_m_s is not None else MAX_CORRECTION_M_S,
             yaw_rate_rad_s=max(abs(rate) for _, rate in primitives),
             acceleration_m_s2=max(speed * abs(rate) for speed, rate in primitives),
             jerk_m_s3=max(speed * rate * rate for speed, rate in primitives),

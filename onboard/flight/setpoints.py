@@ -12,10 +12,14 @@ from dataclasses import dataclass, replace
 
 from onboard.config.schema import FlightConfig
 from onboard.config.vehicle_types import VehicleTypeConfig
-from onboard.flight.trajectory import Trajectory
+from onboard.flight.trajectory import Reference, Trajectory
+from onboard.flight.yaw import YawShaper
 from onboard.geometry import Pose
 
 __all__ = ["HeightReference", "Response", "Setpoint", "SetpointTracker"]
+
+RESTART_S = 0.5
+"""A stream that paused for longer begins anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,17 +66,28 @@ class HeightReference:
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """How a vehicle answers setpoints: a pure delay, and a first-order lag of its velocity after it.
+    """How a vehicle answers setpoints, and how hard it may be driven; the configuration may say otherwise.
 
     Attributes:
         velocity_delay_s: From a commanded velocity to its effect.
         velocity_lag_s: Time constant of the velocity.
         yaw_delay_s: From a commanded yaw, with its rate, to the yaw.
+        max_yaw_acceleration_rad_s2: Beyond which yaw commands disturb the rest; infinity if the autopilot sees to it.
+        position_gain_per_s: Velocity per position error that is well damped.
+        max_correction_m_s: Bound of that velocity.
     """
 
     velocity_delay_s: float = 0.25
     velocity_lag_s: float = 0.0
     yaw_delay_s: float = 0.0
+    max_yaw_acceleration_rad_s2: float = math.inf
+    position_gain_per_s: float = 1.2
+    max_correction_m_s: float = 0.5
+
+    def configured(self, config: FlightConfig) -> Response:
+        """The same with what the configuration says of it."""
+        given = {name: getattr(config, name) for name in self.__dataclass_fields__}
+        return replace(self, **{name: value for name, value in given.items() if value is not None})
 
 
 class SetpointTracker:
@@ -86,6 +101,8 @@ class SetpointTracker:
     def __init__(self, config: FlightConfig, limits: VehicleTypeConfig | None = None) -> None:
         self._config = config
         self._limits = limits if limits is not None else VehicleTypeConfig()
+        self._yaw: YawShaper | None = None
+        self._last_s = -math.inf
 
     def setpoint(
         self,
@@ -110,19 +127,16 @@ class SetpointTracker:
             measured_down_m: Its height, NED, m; without it there is no vertical correction.
             response: How the vehicle answers, as far as the configuration does not say.
         """
-        config, limits = self._config, self._limits
-        delay_s = _given(config.velocity_delay_s, response.velocity_delay_s)
-        lag_s = _given(config.velocity_lag_s, response.velocity_lag_s)
-        ahead = trajectory.reference(time_s + delay_s)
+        config, limits, response = self._config, self._limits, response.configured(self._config)
+        ahead = trajectory.reference(time_s + response.velocity_delay_s)
         now = trajectory.reference(time_s)
-        turned = trajectory.reference(time_s + _given(config.yaw_delay_s, response.yaw_delay_s))
-        north = ahead.velocity_north_m_s + lag_s * ahead.acceleration_north_m_s2
-        east = ahead.velocity_east_m_s + lag_s * ahead.acceleration_east_m_s2
+        north = ahead.velocity_north_m_s + response.velocity_lag_s * ahead.acceleration_north_m_s2
+        east = ahead.velocity_east_m_s + response.velocity_lag_s * ahead.acceleration_east_m_s2
         if measured is not None:
             correction_north, correction_east = _bounded(
-                config.position_gain_per_s * (now.pose.north_m - measured.north_m),
-                config.position_gain_per_s * (now.pose.east_m - measured.east_m),
-                config.max_correction_m_s,
+                response.position_gain_per_s * (now.pose.north_m - measured.north_m),
+                response.position_gain_per_s * (now.pose.east_m - measured.east_m),
+                response.max_correction_m_s,
             )
             north += correction_north
             east += correction_east
@@ -130,20 +144,26 @@ class SetpointTracker:
         down = height.rate_m_s
         if measured_down_m is not None:
             down += config.height_gain_per_s * (height.down_m - measured_down_m)
+        turned = trajectory.reference(time_s + response.yaw_delay_s)
+        yaw_rad, yaw_rate_rad_s = self._turn(turned, response.max_yaw_acceleration_rad_s2, time_s)
         return Setpoint(
             velocity_north_m_s=north,
             velocity_east_m_s=east,
             velocity_down_m_s=_clamped(down, min(config.climb_m_s, limits.max_climb_m_s)),
             down_m=height.down_m,
-            yaw_rad=turned.pose.yaw_rad,
-            yaw_rate_rad_s=_clamped(turned.yaw_rate_rad_s, limits.max_yaw_rate_rad_s),
+            yaw_rad=yaw_rad,
+            yaw_rate_rad_s=yaw_rate_rad_s,
             acceleration_north_m_s2=ahead.acceleration_north_m_s2,
             acceleration_east_m_s2=ahead.acceleration_east_m_s2,
         )
 
-
-def _given(configured: float | None, otherwise: float) -> float:
-    return otherwise if configured is None else configured
+    def _turn(self, reference: Reference, max_acceleration_rad_s2: float, time_s: float) -> tuple[float, float]:
+        """Yaw and its rate; after a pause of the stream, where the trajectory is."""
+        elapsed_s = time_s - self._last_s
+        self._last_s = time_s
+        if self._yaw is None or not 0.0 <= elapsed_s <= RESTART_S:
+            self._yaw = YawShaper(self._limits.max_yaw_rate_rad_s, max_acceleration_rad_s2)
+        return self._yaw.follow(reference.pose.yaw_rad, reference.yaw_rate_rad_s, elapsed_s)
 
 
 def _bounded(north: float, east: float, bound: float) -> tuple[float, float]:

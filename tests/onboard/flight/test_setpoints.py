@@ -55,19 +55,21 @@ def test_the_feed_forward_leads_and_the_yaw_does_not() -> None:
 
 @pytest.mark.parametrize(
     ("family", "used"),
-    [("px4", {"z", "vx", "vy", "yaw", "yaw_rate"}), ("ardupilot", {"vx", "vy", "vz", "yaw", "yaw_rate"})],
+    [("px4", {"z", "vx", "vy", "ax", "ay", "yaw", "yaw_rate"}), ("ardupilot", {"vx", "vy", "vz", "yaw", "yaw_rate"})],
 )
 def test_the_message_asks_for_what_the_autopilot_tracks_in_ned(family: str, used: set[str]) -> None:
-    """PX4 holds a height next to a velocity; ArduPilot drops all velocities when one is ignored."""
-    values = {"vx": 0.5, "vy": -0.5, "vz": -0.125, "z": -1.75, "yaw": 0.25, "yaw_rate": 3.0}
-    setpoint = Setpoint(0.5, -0.5, -0.125, -1.75, 0.25, 3.0)
+    """PX4 holds a height next to a velocity and an acceleration; ArduPilot drops all velocities when one is ignored."""
+    values = {"vx": 0.5, "vy": -0.5, "vz": -0.125, "z": -1.75, "yaw": 0.25, "yaw_rate": 3.0, "ax": 2.0, "ay": -3.0}
+    setpoint = Setpoint(0.5, -0.5, -0.125, -1.75, 0.25, 3.0, 2.0, -3.0)
     message = BEHAVIOURS[family].setpoint(setpoint, 1234, 7, 1)
     names = ["x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "force", "yaw", "yaw_rate"]
     assert {name for bit, name in enumerate(names) if ~message.type_mask >> bit & 1} - {"force"} == used
     assert message.type_mask & mavlink.POSITION_TARGET_TYPEMASK_FORCE_SET == 0
     assert message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
     assert (message.target_system, message.target_component, message.time_boot_ms) == (7, 1, 1234)
-    assert {name: getattr(message, name) for name in used} == {name: values[name] for name in used}
+    assert {name: getattr(message, {"ax": "afx", "ay": "afy"}.get(name, name)) for name in used} == {
+        name: values[name] for name in used
+    }
     numbers = [value for value in message.to_dict().values() if isinstance(value, float)]
     assert all(math.isfinite(value) for value in numbers), "a NaN can kill an autopilot"
 

@@ -1,0 +1,111 @@
+"""How failures of position and autopilot end (docs/autopilots.md), with both simulated autopilots, in virtual time."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from onboard.config import Scenario, load_scenario
+from onboard.config.faults import Component, FaultConfig, FaultType
+from onboard.messages import FlightState
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.status_text import StatusTextAssembler
+from sim_bridge.virtual_team import GroundMessage, VirtualTeam
+
+FAMILIES = ["px4", "ardupilot"]
+AFTER_S = 12.0
+"""Since takeoff: plans are being flown by then."""
+
+
+def scenario(family: str, component: Component, kind: FaultType, lasts_s: float | None) -> Scenario:
+    """The lab with one vehicle, and one fault."""
+    document: dict[str, Any] = load_scenario(Path("configs/lab.yaml")).model_dump()
+    document["vehicles"] = document["vehicles"][:1]
+    document["vehicles"][0]["autopilot"] = family
+    until_s = None if lasts_s is None else AFTER_S + lasts_s
+    fault = FaultConfig(component=component, type=kind, from_s=AFTER_S, until_s=until_s)
+    document["simulation"]["faults"] = (fault.model_dump(),)
+    return Scenario.model_validate(document)
+
+
+@dataclass
+class Flown:
+    """What the operator was told, and the states that the vehicle went through."""
+
+    team: VirtualTeam
+    texts: list[str] = field(default_factory=list)
+    states: list[FlightState] = field(default_factory=list)
+    _assembler: StatusTextAssembler = field(default_factory=StatusTextAssembler)
+
+    def hear(self, heard: GroundMessage) -> None:
+        message = heard.message
+        if isinstance(message, mavlink.MAVLink_statustext_message) and message.get_srcComponent() == 191:
+            whole = self._assembler.receive(message)
+            if whole is not None:
+                self.texts.append(whole[1])
+
+    def until(self, state: FlightState, limit_s: float) -> None:
+        """Let time pass until the vehicle is in a state, or the limit is over."""
+        machine = self.team.companions[1].machine
+        for _ in range(round(limit_s * 10)):
+            self.team.run(0.1)
+            if not self.states or machine.state is not self.states[-1]:
+                self.states.append(machine.state)
+            if machine.state is state:
+                return
+
+    def said(self, text: str) -> bool:
+        return any(text in said for said in self.texts)
+
+
+def fly(family: str, component: Component, kind: FaultType, lasts_s: float | None) -> Flown:
+    team = VirtualTeam(scenario(family, component, kind, lasts_s), seed=1, plan_nodes=50)
+    flown = Flown(team)
+    team.on_ground_message = flown.hear
+    machine = team.companions[1].machine
+    team.until(lambda: machine.state is FlightState.STANDBY, 90.0)
+    begin_s = int(team.time_s + 11.0)
+    team.command(
+        mavlink.MAVLink_command_int_message(1, 191, 0, mavlink.MAV_CMD_ARVI_START, 0, 0, 0, 0, 0, 0, begin_s, 0, 0)
+    )
+    team.until(lambda: machine.state is FlightState.TRACK, 40.0)
+    flown.texts.clear()
+    return flown
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_motion_capture_that_is_silent_for_two_seconds_changes_nothing(family: str) -> None:
+    flown = fly(family, Component.MOCAP, FaultType.OFF, 2.0)
+    flown.until(FlightState.RELEASED, 8.0)
+    assert flown.states == [FlightState.TRACK]
+    assert not flown.said("failsafe")
+
+
+def test_px4_comes_back_from_its_failsafe_when_motion_capture_does() -> None:
+    """4.7 s after the last position; heartbeats, which tell of it, come once a second."""
+    flown = fly("px4", Component.MOCAP, FaultType.OFF, 6.0)
+    flown.until(FlightState.RELEASED, 14.0)
+    assert flown.said("autopilot failsafe: ALTCTL")
+    assert flown.said("the autopilot follows again")
+    assert FlightState.RELEASED not in flown.states
+    assert flown.states[-1] in (FlightState.TRACK, FlightState.HOLD)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_without_motion_capture_it_lands_where_it_is(family: str) -> None:
+    flown = fly(family, Component.MOCAP, FaultType.OFF, None)
+    flown.until(FlightState.LANDED, 40.0)
+    assert flown.said({"px4": "failsafe: ALTCTL; landing here", "ardupilot": "failsafe: LAND; landing here"}[family])
+    assert flown.states[-2:] == [FlightState.LAND, FlightState.LANDED]
+    assert not flown.team.companions[1].autopilot.heard.armed
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_an_autopilot_that_reboots_in_flight_is_let_go_and_ready_again_on_the_ground(family: str) -> None:
+    flown = fly(family, Component.AUTOPILOT, FaultType.OFF, 1.0)
+    flown.until(FlightState.STANDBY, 70.0)
+    assert flown.said("autopilot rebooted")
+    assert flown.said("somebody else took the vehicle")
+    assert FlightState.RELEASED in flown.states
+    assert flown.states[-1] is FlightState.STANDBY
