@@ -38,7 +38,13 @@ class Px4:
     guided_mode: int = Px4Mode.OFFBOARD
     land_mode: int = Px4Mode.LAND
     streams_before_takeoff = True
-    response = Response(velocity_delay_s=0.12, max_yaw_acceleration_rad_s2=3.0)
+    response = Response(
+        velocity_delay_s=0.12,
+        yaw_delay_s=0.4,
+        max_yaw_acceleration_rad_s2=3.0,
+        position_gain_per_s=2.0,
+        max_correction_m_s=1.0,
+    )
     integers_bytewise = True
     returns_from_failsafe = True
     rates_hz: Mapping[int, float] = MappingProxyType(

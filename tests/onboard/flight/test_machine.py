@@ -448,7 +448,7 @@ def test_it_waits_above_home_while_a_teammate_may_cross_below_but_not_for_ever(f
 def test_a_vehicle_that_the_wind_keeps_from_home_lands_where_it_got_to(flight: Flight) -> None:
     flight.fly_to(FlightState.TRACK)
     flight.run(2.0)
-    flight.wind_m_s = 0.6
+    flight.wind_m_s = 1.2
     flight.machine.land(flight.time_s)
     flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=15.0)
     assert any("m from home; landing all the same" in text for text in flight.texts)
