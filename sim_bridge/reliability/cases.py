@@ -1,0 +1,279 @@
+"""The table: which fault in which phase asks for which reaction, and by when."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from onboard.config.faults import Component, FaultConfig, FaultType
+from sim_bridge.reliability.flight import VICTIM
+from sim_bridge.reliability.phases import AIR, Phase
+from sim_bridge.reliability.reactions import (
+    CARRIES_ON,
+    FAILS_SAFE,
+    HOLDS,
+    LETS_GO,
+    STAYS_DOWN,
+    Reaction,
+    all_of,
+    says,
+)
+
+__all__ = ["CASES", "FENCE_M", "Case", "Expected"]
+
+FENCE_M = 0.3
+"""How far outside the fence a vehicle may be: plans keep inside, tracking errors do not."""
+
+SEPARATION_M = 0.5
+"""The smallest distance in three dimensions: layers are 0.7 m apart in the lab, and vehicles bob."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What is expected in a phase.
+
+    Attributes:
+        reaction: What.
+        deadline_s: By when after the fault's beginning, s.
+        fence_m: How far outside the fence the vehicle may come, m.
+        others: Whether all other vehicles carry on.
+        gap: What is missing in the stack for it, in words; empty when it holds.
+    """
+
+    reaction: Reaction = CARRIES_ON
+    deadline_s: float = 0.0
+    fence_m: float = FENCE_M
+    others: bool = True
+    gap: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A row of the table.
+
+    Attributes:
+        name: The fault in words.
+        fault: What goes wrong, from when it is injected on.
+        expected: By phase; phases that are left out are not flown.
+    """
+
+    name: str
+    fault: FaultConfig
+    expected: Mapping[Phase, Expected]
+
+    @property
+    def length_s(self) -> float | None:
+        """How long the fault lasts, s; None for good."""
+        return self.fault.until_s
+
+
+_C, _T = Component, FaultType
+_ALL: tuple[int, ...] = ()
+_ONE = (VICTIM,)
+_ON = Expected()
+
+
+def _fault(
+    component: Component, kind: FaultType, vehicles: tuple[int, ...], length_s: float | None, **parameters: float
+) -> FaultConfig:
+    return FaultConfig(
+        component=component,
+        type=kind,
+        vehicles=vehicles,
+        since="boot",
+        from_s=0.0,
+        until_s=length_s,
+        parameters=parameters,
+    )
+
+
+def _in(expected: Expected, *phases: Phase) -> dict[Phase, Expected]:
+    return dict.fromkeys(phases, expected)
+
+
+_EVERYWHERE = _in(_ON, *Phase)
+_FLYING = _in(_ON, Phase.TAKEOFF, Phase.TRACKING)
+
+_SILENT_FENCE_M = 1.5
+"""A PX4 flies its last setpoint on for 1.05 to 1.13 s (COM_OF_LOSS_T), then brakes: at 1 m/s at most so far."""
+
+_FAILSAFE = Expected(FAILS_SAFE, 2.4, fence_m=_SILENT_FENCE_M)
+"""1.05 to 1.13 s after the last setpoint, shown by the next heartbeat."""
+
+_RADIO = (
+    Case("radio: 5 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.05), _EVERYWHERE),
+    Case("radio: 30 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.3), _EVERYWHERE),
+    Case("radio: 80 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.8), _EVERYWHERE),
+    Case("radio: 100 ms late, jitter 100 ms", _fault(_C.RADIO, _T.DELAYED, _ALL, 6.0, jitter_s=0.1), _EVERYWHERE),
+    Case("radio: 1 s late", _fault(_C.RADIO, _T.DELAYED, _ALL, 6.0, delay_s=1.0), _EVERYWHERE),
+    Case("radio: doubled and reordered", _fault(_C.RADIO, _T.WRONG, _ALL, 6.0), _EVERYWHERE),
+    Case("radio: 30 % damaged", _fault(_C.RADIO, _T.GARBAGE, _ALL, 6.0), _EVERYWHERE),
+    Case("radio: repeats old datagrams", _fault(_C.RADIO, _T.STUCK, _ALL, 4.0), _EVERYWHERE),
+    Case("radio: 1 kB/s", _fault(_C.RADIO, _T.SLOW, _ALL, 6.0), _EVERYWHERE),
+    Case("radio: of one vehicle off", _fault(_C.RADIO, _T.OFF, _ONE, 6.0), _EVERYWHERE),
+    Case("radio: off", _fault(_C.RADIO, _T.OFF, _ALL, 6.0), _EVERYWHERE),
+    Case("radio: off for good", _fault(_C.RADIO, _T.OFF, _ALL, None), _EVERYWHERE),
+    Case("radio: partition", _fault(_C.RADIO, _T.OFF, (1, 2), 6.0, among_themselves=1.0), _EVERYWHERE),
+)
+
+_DETECTOR = (
+    Case("detector: off", _fault(_C.DETECTOR, _T.OFF, _ONE, 5.0), _EVERYWHERE),
+    Case("detector: off for good", _fault(_C.DETECTOR, _T.OFF, _ALL, None), _FLYING),
+    Case("detector: repeats", _fault(_C.DETECTOR, _T.STUCK, _ALL, 5.0), _FLYING),
+    Case("detector: ghosts", _fault(_C.DETECTOR, _T.GARBAGE, _ALL, 5.0), _FLYING),
+    Case("detector: ranges 0.5 m too long", _fault(_C.DETECTOR, _T.WRONG, _ALL, 5.0), _FLYING),
+    Case("detector: one look in four", _fault(_C.DETECTOR, _T.SLOW, _ALL, 5.0), _FLYING),
+    Case("detector: 0.5 s late", _fault(_C.DETECTOR, _T.DELAYED, _ALL, 5.0), _FLYING),
+    Case("detector: 3 s late", _fault(_C.DETECTOR, _T.DELAYED, _ALL, 5.0, delay_s=3.0), _FLYING),
+    Case("detector: half lost", _fault(_C.DETECTOR, _T.INTERMITTENT, _ALL, 5.0), _FLYING),
+)
+
+_NO_POSITION = Expected(
+    FAILS_SAFE, 6.0, fence_m=3.0, gap="without a position PX4 refuses to land by command and hovers blind"
+)
+"""4.65 s without a position, shown by the next heartbeat; blind, the vehicle drifts meanwhile."""
+
+_MOCAP = (
+    Case("mocap: off for 1.5 s", _fault(_C.MOCAP, _T.OFF, _ONE, 1.5), _EVERYWHERE),
+    Case("mocap: off for good", _fault(_C.MOCAP, _T.OFF, _ONE, None), _in(_NO_POSITION, *AIR)),
+    Case(
+        "mocap: frozen for 1 s",
+        _fault(_C.MOCAP, _T.STUCK, _ONE, 1.0),
+        _EVERYWHERE | _in(Expected(gap="a frozen position is not noticed"), Phase.TRACKING, Phase.RETURNING),
+    ),
+    Case("mocap: frozen for 4 s", _fault(_C.MOCAP, _T.STUCK, _ONE, 4.0), _in(_ON, Phase.GROUND, Phase.PAUSED)),
+    Case("mocap: jumps by 0.3 m", _fault(_C.MOCAP, _T.WRONG, _ONE, 3.0, north_m=0.3), _EVERYWHERE),
+    Case("mocap: scatters by 0.1 m", _fault(_C.MOCAP, _T.GARBAGE, _ONE, 3.0, std_m=0.1), _EVERYWHERE),
+    Case("mocap: 5 Hz", _fault(_C.MOCAP, _T.SLOW, _ONE, 4.0), _EVERYWHERE),
+    Case("mocap: 100 ms late", _fault(_C.MOCAP, _T.DELAYED, _ONE, 4.0), _EVERYWHERE),
+    Case("mocap: half lost", _fault(_C.MOCAP, _T.INTERMITTENT, _ONE, 4.0), _EVERYWHERE),
+)
+
+_NO_LINK = Expected(all_of(FAILS_SAFE, says("autopilot link lost")), 5.7, fence_m=_SILENT_FENCE_M)
+"""4.5 s after the last heartbeat, which was up to 1 s old."""
+
+_REFUSES = Expected(all_of(says("gave up"), STAYS_DOWN), 22.0)
+
+_AUTOPILOT = (
+    Case(
+        "autopilot: reboots",
+        _fault(_C.AUTOPILOT, _T.OFF, _ONE, 1.0),
+        _in(Expected(all_of(LETS_GO, says("rebooted")), 4.0), Phase.TRACKING, Phase.PAUSED, Phase.RETURNING),
+    ),
+    Case("autopilot: refuses to arm", _fault(_C.AUTOPILOT, _T.WRONG, _ONE, None), _in(_REFUSES, Phase.ARMING)),
+    Case(
+        "autopilot: refuses to arm for 3 s",
+        _fault(_C.AUTOPILOT, _T.WRONG, _ONE, 3.0),
+        _in(_ON, Phase.GROUND, Phase.ARMING),
+    ),
+    Case("autopilot: mode stuck", _fault(_C.AUTOPILOT, _T.STUCK, _ONE, None), _in(_REFUSES, Phase.ARMING)),
+    Case(
+        "autopilot: mode stuck for 5 s",
+        _fault(_C.AUTOPILOT, _T.STUCK, _ONE, 5.0),
+        _in(_ON, Phase.TRACKING, Phase.PAUSED, Phase.RETURNING, Phase.LANDING),
+    ),
+    Case("autopilot link: off for 0.5 s", _fault(_C.AUTOPILOT_LINK, _T.OFF, _ONE, 0.5), _EVERYWHERE),
+    Case(
+        "autopilot link: off for 7 s",
+        _fault(_C.AUTOPILOT_LINK, _T.OFF, _ONE, 7.0),
+        _in(_NO_LINK, *AIR),
+    ),
+    Case(
+        "autopilot link: off for good",
+        _fault(_C.AUTOPILOT_LINK, _T.OFF, _ONE, None),
+        _in(_NO_LINK, *AIR),
+    ),
+    Case("autopilot link: 30 % lost", _fault(_C.AUTOPILOT_LINK, _T.INTERMITTENT, _ONE, 5.0), _EVERYWHERE),
+    Case("autopilot link: 80 % lost", _fault(_C.AUTOPILOT_LINK, _T.INTERMITTENT, _ONE, 5.0, loss=0.8), _EVERYWHERE),
+    Case("autopilot link: 100 ms late", _fault(_C.AUTOPILOT_LINK, _T.DELAYED, _ONE, 5.0), _EVERYWHERE),
+    Case("autopilot link: 300 ms late", _fault(_C.AUTOPILOT_LINK, _T.DELAYED, _ONE, 5.0, delay_s=0.3), _EVERYWHERE),
+    Case(
+        "battery: low",
+        _fault(_C.BATTERY, _T.WRONG, _ONE, None, remaining=0.15),
+        _in(Expected(says("[Bb]attery"), 3.0, gap="the battery is not watched"), *AIR),
+    ),
+    Case(
+        "battery: critical",
+        _fault(_C.BATTERY, _T.WRONG, _ONE, None, remaining=0.07),
+        _in(Expected(says("[Bb]attery"), 3.0, gap="the battery is not watched"), *AIR),
+    ),
+)
+
+_GROUND = (
+    Case("ground link: off for 6 s", _fault(_C.GROUND_LINK, _T.OFF, _ONE, 6.0), _EVERYWHERE),
+    Case("ground link: half lost", _fault(_C.GROUND_LINK, _T.INTERMITTENT, _ALL, 6.0, loss=0.5), _EVERYWHERE),
+    Case("ground link: 1 s late", _fault(_C.GROUND_LINK, _T.DELAYED, _ALL, 6.0, delay_s=1.0), _EVERYWHERE),
+)
+
+_PROCESS = (
+    Case(
+        "process: killed",
+        _fault(_C.PROCESS, _T.OFF, _ONE, None),
+        _in(_FAILSAFE, *AIR) | _in(Expected(STAYS_DOWN), Phase.GROUND, Phase.ARMING),
+    ),
+    Case(
+        "process: killed, starts again after 3 s",
+        _fault(_C.PROCESS, _T.OFF, _ONE, 3.0),
+        _in(_FAILSAFE, *AIR) | _in(_ON, Phase.GROUND),
+    ),
+    Case("process: stopped for 0.5 s", _fault(_C.PROCESS, _T.STUCK, _ONE, 0.5), _EVERYWHERE),
+    Case(
+        "process: stopped for 3 s",
+        _fault(_C.PROCESS, _T.STUCK, _ONE, 3.0),
+        _in(_FAILSAFE, *AIR) | _in(_ON, Phase.GROUND, Phase.ARMING, Phase.LANDING),
+    ),
+    Case("process: all stopped for 0.5 s", _fault(_C.PROCESS, _T.STUCK, _ALL, 0.5), _EVERYWHERE),
+    Case("process: a fifth of its time", _fault(_C.PROCESS, _T.SLOW, _ONE, 5.0), _EVERYWHERE),
+    Case("process: a twentieth of its time", _fault(_C.PROCESS, _T.SLOW, _ONE, 5.0, share=0.05), _EVERYWHERE),
+)
+
+_PLANNER = (
+    Case(
+        "planner: fails for 3 s",
+        _fault(_C.PLANNER, _T.OFF, _ONE, 3.0),
+        _in(Expected(says("planner failed"), 1.6), Phase.TRACKING),
+    ),
+    Case(
+        "planner: hangs for 3 s",
+        _fault(_C.PLANNER, _T.STUCK, _ONE, 3.0),
+        _in(Expected(all_of(CARRIES_ON, says("late")), 4.5), Phase.TRACKING),
+    ),
+    Case(
+        "planner: hangs for good",
+        _fault(_C.PLANNER, _T.STUCK, _ONE, None),
+        _in(Expected(all_of(HOLDS, says("no new plan")), 7.6), Phase.TRACKING),
+    ),
+    Case(
+        "planner: nothing feasible for 3 s",
+        _fault(_C.PLANNER, _T.WRONG, _ONE, 3.0),
+        _in(Expected(says("no feasible plan"), 2.1), Phase.TRACKING),
+    ),
+    Case(
+        "planner: 0.3 s late",
+        _fault(_C.PLANNER, _T.DELAYED, _ALL, 4.0),
+        _in(Expected(all_of(CARRIES_ON, says("late")), 2.5), Phase.TRACKING),
+    ),
+)
+
+_NO_TIMESYNC = "peers' clocks are not compared"
+
+_CLOCK = (
+    Case("clock: 15 ms ahead", _fault(_C.CLOCK, _T.WRONG, _ONE, None, offset_s=0.015), _EVERYWHERE),
+    Case(
+        "clock: jumps by 0.3 s for 5 s",
+        _fault(_C.CLOCK, _T.WRONG, _ONE, 5.0, offset_s=0.3),
+        _in(Expected(says("clock"), 3.0, gap=_NO_TIMESYNC), *AIR, Phase.GROUND),
+    ),
+    Case(
+        "clock: 5 s behind for 5 s",
+        _fault(_C.CLOCK, _T.WRONG, _ONE, 5.0, offset_s=-5.0),
+        _in(Expected(says("clock"), 3.0, gap=_NO_TIMESYNC), *AIR, Phase.GROUND),
+    ),
+    Case(
+        "clock: gains 10 ms/s",
+        _fault(_C.CLOCK, _T.WRONG, _ONE, None, offset_s=0.0, drift_ppm=10_000.0),
+        _in(Expected(says("clock"), 8.0, gap=_NO_TIMESYNC), Phase.TRACKING),
+    ),
+)
+
+CASES = (*_RADIO, *_DETECTOR, *_MOCAP, *_AUTOPILOT, *_GROUND, *_PROCESS, *_PLANNER, *_CLOCK)

@@ -1,0 +1,160 @@
+"""What is expected of a team when something goes wrong, as far as a referee can see it.
+
+A reaction is looked for in the record of a flight; what it gives is how long after the fault's beginning it came.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from onboard.messages import FlightState
+from sim_bridge.reliability.flight import Flight
+
+__all__ = [
+    "CARRIES_ON",
+    "FAILS_SAFE",
+    "HOLDS",
+    "LANDS",
+    "LETS_GO",
+    "STAYS_DOWN",
+    "Evidence",
+    "Reaction",
+    "all_of",
+    "disturbance",
+    "says",
+]
+
+_IN_AIR_M = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A flight, what happened to whom, and until when it was watched.
+
+    Attributes:
+        flight: The record.
+        victims: Those whom the fault concerns.
+        fault_s: When it began, UNIX time, s.
+        end_s: When watching ended and the ground called everybody home, UNIX time, s.
+    """
+
+    flight: Flight
+    victims: tuple[int, ...]
+    fault_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """Something that is expected.
+
+    Attributes:
+        text: For the table.
+        seen: When it came after the fault's beginning, s; None if it did not.
+    """
+
+    text: str
+    seen: Callable[[Evidence], float | None]
+
+
+def says(pattern: str) -> Reaction:
+    """Each victim tells the ground."""
+
+    def seen(evidence: Evidence) -> float | None:
+        return _by_all(
+            evidence,
+            lambda victim: (
+                said.time_s
+                for said in evidence.flight.said
+                if said.system == victim and said.time_s > evidence.fault_s and re.search(pattern, said.text)
+            ),
+        )
+
+    return Reaction(f'says "{pattern}"', seen)
+
+
+def all_of(*reactions: Reaction) -> Reaction:
+    """Several reactions; the last one counts."""
+
+    def seen(evidence: Evidence) -> float | None:
+        times = [reaction.seen(evidence) for reaction in reactions]
+        found = [time for time in times if time is not None]
+        return max(found) if len(found) == len(times) else None
+
+    return Reaction(", ".join(reaction.text for reaction in reactions), seen)
+
+
+def disturbance(evidence: Evidence, vehicle_id: int) -> str:
+    """What disturbed a vehicle while it was watched, in words; empty if it did what it was commanded."""
+    watched = [s for s in evidence.flight.samples if evidence.fault_s < s.time_s <= evidence.end_s]
+    for sample in watched:
+        state = sample.states[vehicle_id]
+        if state is None or state is FlightState.RELEASED:
+            return "its process is gone" if state is None else "it let go of the vehicle"
+    for beat in evidence.flight.heartbeats:
+        if beat.system == vehicle_id and evidence.fault_s < beat.time_s <= evidence.end_s and beat.failsafe:
+            return "its autopilot failed safe"
+    if watched:
+        last = watched[-1].states[vehicle_id]
+        flown = evidence.end_s > evidence.flight.start_s + 2.0
+        landing = any(s.states[vehicle_id] in (FlightState.RETURN, FlightState.LAND) for s in watched)
+        if flown and not landing and last is not FlightState.TRACK:
+            return f"it ended in {last.name if last is not None else 'nothing'} instead of TRACK"
+    return ""
+
+
+def _carries_on(evidence: Evidence) -> float | None:
+    return None if any(disturbance(evidence, victim) for victim in evidence.victims) else 0.0
+
+
+def _stays_down(evidence: Evidence) -> float | None:
+    flown = any(
+        sample.positions[victim][2] < -_IN_AIR_M for sample in evidence.flight.samples for victim in evidence.victims
+    )
+    return None if flown else 0.0
+
+
+def _fails_safe(evidence: Evidence) -> float | None:
+    return _by_all(
+        evidence,
+        lambda victim: (
+            beat.time_s
+            for beat in evidence.flight.heartbeats
+            if beat.system == victim and beat.time_s > evidence.fault_s and beat.failsafe
+        ),
+    )
+
+
+def _in_state(*states: FlightState) -> Callable[[Evidence], float | None]:
+    def seen(evidence: Evidence) -> float | None:
+        return _by_all(
+            evidence,
+            lambda victim: (
+                sample.time_s
+                for sample in evidence.flight.samples
+                if sample.time_s > evidence.fault_s and sample.states[victim] in states
+            ),
+        )
+
+    return seen
+
+
+def _by_all(evidence: Evidence, times: Callable[[int], Iterator[float]]) -> float | None:
+    """When the last of the victims did something first."""
+    firsts = []
+    for victim in evidence.victims:
+        first = next(times(victim), None)
+        if first is None:
+            return None
+        firsts.append(first - evidence.fault_s)
+    return max(firsts, default=0.0)
+
+
+CARRIES_ON = Reaction("carries on", _carries_on)
+STAYS_DOWN = Reaction("stays on the ground", _stays_down)
+FAILS_SAFE = Reaction("autopilot fails safe, ground hears it", _fails_safe)
+HOLDS = Reaction("holds", _in_state(FlightState.HOLD))
+LETS_GO = Reaction("lets go of the vehicle", _in_state(FlightState.RELEASED))
+LANDS = Reaction("lands", _in_state(FlightState.LAND, FlightState.RETURN))
