@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test check fuzz format generate clean
+.PHONY: help venv demo test faults check fuzz format generate clean
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | column -t -s '	'
@@ -26,6 +26,9 @@ demo: .venv/run.stamp  ## fly the simulated team for two minutes, with live prog
 
 test: .venv/dev.stamp  ## run all tests
 	$(BIN)/pytest
+
+faults: .venv/dev.stamp  ## fly the whole fault suite, and write its table into docs/reliability.md
+	$(BIN)/python -m sim_bridge.reliability --seeds 2 --moments 50 --bars 4 --write docs/reliability.md
 
 check: .venv/dev.stamp  ## lint, types, generated files up to date
 	$(BIN)/ruff check .

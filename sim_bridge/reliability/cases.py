@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from onboard.config.faults import Component, FaultConfig, FaultType
 from sim_bridge.reliability.flight import VICTIM
@@ -13,13 +14,14 @@ from sim_bridge.reliability.reactions import (
     FAILS_SAFE,
     HOLDS,
     LETS_GO,
+    SAFE_ALONE,
     STAYS_DOWN,
     Reaction,
     all_of,
     says,
 )
 
-__all__ = ["CASES", "FENCE_M", "Case", "Expected"]
+__all__ = ["ANYTIME", "CASES", "FENCE_M", "REPRESENTATIVE", "SEPARATION_M", "Case", "Expected"]
 
 FENCE_M = 0.3
 """How far outside the fence a vehicle may be: plans keep inside, tracking errors do not."""
@@ -60,6 +62,11 @@ class Case:
     name: str
     fault: FaultConfig
     expected: Mapping[Phase, Expected]
+
+    def happening_to(self, vehicle_id: int) -> Case:
+        """The same fault of one vehicle."""
+        fault = self.fault.model_copy(update={"vehicles": (vehicle_id,)})
+        return replace(self, fault=fault)
 
     @property
     def length_s(self) -> float | None:
@@ -276,4 +283,33 @@ _CLOCK = (
     ),
 )
 
+_ANYTIME = Case(
+    "process: killed at a random moment",
+    _fault(_C.PROCESS, _T.OFF, _ONE, None),
+    _in(Expected(SAFE_ALONE, 2.4, fence_m=_SILENT_FENCE_M), *Phase),
+)
+
 CASES = (*_RADIO, *_DETECTOR, *_MOCAP, *_AUTOPILOT, *_GROUND, *_PROCESS, *_PLANNER, *_CLOCK)
+"""What happens at the beginning of a phase."""
+
+ANYTIME = (_ANYTIME,)
+"""What happens at a random moment of a phase, to a random vehicle."""
+
+REPRESENTATIVE: Mapping[Phase, tuple[str, ...]] = MappingProxyType(
+    {
+        Phase.TRACKING: (
+            "radio: 30 % lost",
+            "radio: off",
+            "detector: ghosts",
+            "mocap: off for 1.5 s",
+            "autopilot: reboots",
+            "autopilot link: off for 7 s",
+            "process: killed",
+            "process: stopped for 3 s",
+            "planner: hangs for good",
+        ),
+        Phase.ARMING: ("autopilot: refuses to arm for 3 s", "ground link: half lost"),
+        Phase.RETURNING: ("process: killed", "autopilot: mode stuck for 5 s"),
+    }
+)
+"""The flights that every test run flies."""

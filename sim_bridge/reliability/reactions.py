@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from onboard.messages import FlightState
+from onboard.protocol.px4_modes import Px4Mode
 from sim_bridge.reliability.flight import Flight
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "HOLDS",
     "LANDS",
     "LETS_GO",
+    "SAFE_ALONE",
     "STAYS_DOWN",
     "Evidence",
     "Reaction",
@@ -127,6 +129,18 @@ def _fails_safe(evidence: Evidence) -> float | None:
     )
 
 
+def _safe_alone(evidence: Evidence) -> float | None:
+    """Each victim stands, lands by itself, or fails safe."""
+
+    def safe_s(victim: int) -> Iterator[float]:
+        for beat in evidence.flight.heartbeats:
+            safe = beat.failsafe or not beat.armed or beat.mode == Px4Mode.LAND
+            if beat.system == victim and beat.time_s > evidence.fault_s and safe:
+                yield beat.time_s
+
+    return _by_all(evidence, safe_s)
+
+
 def _in_state(*states: FlightState) -> Callable[[Evidence], float | None]:
     def seen(evidence: Evidence) -> float | None:
         return _by_all(
@@ -155,6 +169,7 @@ def _by_all(evidence: Evidence, times: Callable[[int], Iterator[float]]) -> floa
 CARRIES_ON = Reaction("carries on", _carries_on)
 STAYS_DOWN = Reaction("stays on the ground", _stays_down)
 FAILS_SAFE = Reaction("autopilot fails safe, ground hears it", _fails_safe)
+SAFE_ALONE = Reaction("stands, lands or fails safe by itself, ground hears it", _safe_alone)
 HOLDS = Reaction("holds", _in_state(FlightState.HOLD))
 LETS_GO = Reaction("lets go of the vehicle", _in_state(FlightState.RELEASED))
 LANDS = Reaction("lands", _in_state(FlightState.LAND, FlightState.RETURN))

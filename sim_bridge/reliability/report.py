@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from sim_bridge.reliability.cases import CASES, SEPARATION_M, Case
+from sim_bridge.reliability.cases import ANYTIME, CASES, SEPARATION_M, Case
 from sim_bridge.reliability.verdict import Outcome
 
 __all__ = ["BEGIN", "END", "markdown", "summary", "write_into"]
@@ -38,7 +38,7 @@ def summary(outcomes: Sequence[Outcome]) -> str:
 def markdown(outcomes: Sequence[Outcome]) -> str:
     """Summary, table, and what was not as expected."""
     lines = [summary(outcomes), "", _HEAD]
-    for case in CASES:
+    for case in (*CASES, *ANYTIME):
         own = [outcome for outcome in outcomes if outcome.case == case.name]
         if own:
             lines.append(_row(case, own))

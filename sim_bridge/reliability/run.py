@@ -9,25 +9,30 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
+import random
 import resource
+import time
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from multiprocessing.queues import SimpleQueue
+from multiprocessing.sharedctypes import Synchronized
 
 from onboard.config import Scenario
 from onboard.planning.warmup import warm_kernels
-from sim_bridge.reliability.cases import CASES, Case
+from sim_bridge.reliability.cases import ANYTIME, CASES, REPRESENTATIVE, Case
 from sim_bridge.reliability.flight import Flight, NotReachedError, suite_scenario
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.verdict import Outcome, judge
 
-__all__ = ["Batch", "batches", "fly", "fly_batch"]
+__all__ = ["Batch", "batches", "fly", "fly_batch", "moments", "representative"]
 
 CPU_LIMIT_S = 120
 """A flight takes a few seconds of processor time; one that takes so many hangs."""
 
 _BATCH = 8
+_MOMENT_S = 4.0
+"""How long after a phase's beginning something may happen at a random moment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +42,14 @@ class Batch:
     Attributes:
         phase: Which.
         seed: Of all of them.
-        cases: Names of what happens then, one in each flight.
+        cases: What happens then, one in each flight.
+        later_s: From the phase's beginning on until it happens, s.
     """
 
     phase: Phase
     seed: int
-    cases: tuple[str, ...]
+    cases: tuple[Case, ...]
+    later_s: float = 0.0
 
 
 def batches(seeds: Sequence[int], cases: Iterable[Case] = CASES, phases: Iterable[Phase] = Phase) -> list[Batch]:
@@ -51,30 +58,74 @@ def batches(seeds: Sequence[int], cases: Iterable[Case] = CASES, phases: Iterabl
     found = []
     for seed in seeds:
         for phase in phases:
-            names = tuple(case.name for case in cases if phase in case.expected)
-            found += [Batch(phase, seed, names[i : i + _BATCH]) for i in range(0, len(names), _BATCH)]
+            flown = tuple(case for case in cases if phase in case.expected)
+            found += [Batch(phase, seed, flown[i : i + _BATCH]) for i in range(0, len(flown), _BATCH)]
+    return found
+
+
+def representative() -> list[Batch]:
+    """What every test run flies."""
+    by_name = {case.name: case for case in CASES}
+    return [Batch(phase, 1, tuple(by_name[name] for name in names)) for phase, names in REPRESENTATIVE.items()]
+
+
+def moments(count: int, vehicles: Sequence[int]) -> list[Batch]:
+    """Flights in which what happens, to whom and when is drawn, each from its seed."""
+    found = []
+    for seed in range(1, count + 1):
+        draw = random.Random(seed)
+        case = draw.choice(ANYTIME).happening_to(draw.choice(vehicles))
+        found.append(Batch(draw.choice(list(Phase)), seed, (case,), draw.uniform(0.0, _MOMENT_S)))
     return found
 
 
 def fly(lab: Scenario, todo: Sequence[Batch], workers: int) -> Iterator[Outcome]:
-    """Fly batches in several processes; outcomes as they come."""
+    """Fly batches in several processes; outcomes as they come.
+
+    Raises:
+        RuntimeError: The processes ended before all was flown.
+    """
     warm_kernels()
-    with multiprocessing.get_context("fork").Pool(workers) as pool:
-        for outcomes in pool.imap_unordered(partial(fly_batch, lab), todo):
-            yield from outcomes
+    context = multiprocessing.get_context("fork")  # what is to be done is inherited; reactions cannot be pickled
+    taken = context.Value("i", 0)
+    outcomes: SimpleQueue[Outcome] = context.SimpleQueue()
+    processes = [context.Process(target=_work, args=(lab, todo, taken, outcomes)) for _ in range(workers)]
+    for process in processes:
+        process.start()
+    for _ in range(sum(len(batch.cases) for batch in todo)):
+        while outcomes.empty():
+            if not any(process.is_alive() for process in processes) and outcomes.empty():
+                raise RuntimeError("the processes that fly ended before all was flown")
+            time.sleep(0.05)
+        yield outcomes.get()
+    for process in processes:
+        process.join()
 
 
-def fly_batch(lab: Scenario, batch: Batch) -> list[Outcome]:
+def _work(lab: Scenario, todo: Sequence[Batch], taken: Synchronized[int], outcomes: SimpleQueue[Outcome]) -> None:
+    """Fly one batch after the other until none is left."""
+    while True:
+        with taken.get_lock():
+            index, taken.value = taken.value, taken.value + 1
+        if index >= len(todo):
+            return
+        for outcome in fly_batch(lab, todo[index]):
+            outcomes.put(outcome)
+
+
+def fly_batch(lab: Scenario, batch: Batch) -> Iterator[Outcome]:
     """Fly one batch; a flight that crashes or hangs fails without harming the others."""
     scenario = suite_scenario(lab)
-    by_name = {case.name: case for case in CASES}
-    cases = [by_name[name] for name in batch.cases]
     flight = Flight(scenario, batch.seed)
     try:
         flight.fly_to(batch.phase)
     except NotReachedError as error:
-        return [_failed(case, batch, f"without any fault the phase is not reached: {error}") for case in cases]
-    return [_in_child(flight, scenario, case, batch) for case in cases]
+        yield from (_failed(case, batch, f"without a fault the phase is not reached: {error}") for case in batch.cases)
+        return
+    if batch.later_s > 0.0:
+        flight.run(batch.later_s)
+    for case in batch.cases:
+        yield _in_child(flight, scenario, case, batch)
 
 
 def _in_child(flight: Flight, scenario: Scenario, case: Case, batch: Batch) -> Outcome:

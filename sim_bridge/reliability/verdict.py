@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -78,6 +79,11 @@ class Outcome:
     def to_json(self) -> dict[str, object]:
         """As a mapping of plain values."""
         return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Outcome:
+        """From what :meth:`to_json` gave."""
+        return cls(**{**data, "failures": tuple(data["failures"])})
 
 
 def judge(flight: Flight, scenario: Scenario, case: Case, phase: Phase, seed: int) -> Outcome:
