@@ -18,7 +18,6 @@ __all__ = [
     "FAILS_SAFE",
     "HOLDS",
     "LANDS",
-    "LETS_GO",
     "SAFE_ALONE",
     "STAYS_DOWN",
     "Evidence",
@@ -171,5 +170,4 @@ STAYS_DOWN = Reaction("stays on the ground", _stays_down)
 FAILS_SAFE = Reaction("autopilot fails safe, ground hears it", _fails_safe)
 SAFE_ALONE = Reaction("stands, lands or fails safe by itself, ground hears it", _safe_alone)
 HOLDS = Reaction("holds", _in_state(FlightState.HOLD))
-LETS_GO = Reaction("lets go of the vehicle", _in_state(FlightState.RELEASED))
-LANDS = Reaction("lands", _in_state(FlightState.LAND, FlightState.RETURN))
+LANDS = Reaction("goes home or lands", _in_state(FlightState.LAND, FlightState.RETURN))

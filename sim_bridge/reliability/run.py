@@ -156,5 +156,4 @@ def _become_child(flight: Flight, scenario: Scenario, case: Case, batch: Batch, 
 
 
 def _failed(case: Case, batch: Batch, failure: str) -> Outcome:
-    gap = case.expected[batch.phase].gap
-    return Outcome(case.name, batch.phase.value, batch.seed, (failure,), gap, None, None, 0.0, None, 0.0, 0.0)
+    return Outcome(case.name, batch.phase.value, batch.seed, (failure,), "", None, None, 0.0, None, 0.0, 0.0)

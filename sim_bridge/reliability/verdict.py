@@ -55,7 +55,7 @@ class Outcome:
         phase: When it began.
         seed: Of the flight.
         failures: What went against expectations, one sentence each; empty after a good flight.
-        gap: The known gap that excuses it; empty if there is none.
+        gap: The known gap that explains all failures; empty if there is none.
         reaction_s: When the reaction came after the fault's beginning, s; None if it did not.
         separation_m: Smallest distance between two vehicles from the fault on, m; None if nobody flew.
         outside_m: How far outside the fence a vehicle came, m.
@@ -126,7 +126,7 @@ def judge(flight: Flight, scenario: Scenario, case: Case, phase: Phase, seed: in
         phase.value,
         seed,
         tuple(failures),
-        expected.gap,
+        expected.gap.text if failures and expected.gap is not None and expected.gap.explains(failures) else "",
         reaction_s,
         separation_m if math.isfinite(separation_m) else None,
         outside_m,
