@@ -13,6 +13,7 @@ from sim_bridge.reliability.phases import AIR, Phase
 from sim_bridge.reliability.reactions import (
     CARRIES_ON,
     FAILS_SAFE,
+    FLIES_IN_THE_END,
     HOLDS,
     SAFE_ALONE,
     STAYS_DOWN,
@@ -251,7 +252,7 @@ _PROCESS = (
     Case(
         "process: killed, starts again after 3 s",
         _fault(_C.PROCESS, _T.OFF, _ONE, 3.0),
-        _in(_FAILSAFE, *AIR) | _in(_ON, Phase.GROUND),
+        _in(_FAILSAFE, *AIR) | _in(Expected(FLIES_IN_THE_END), Phase.GROUND),
     ),
     Case("process: stopped for 0.5 s", _fault(_C.PROCESS, _T.STUCK, _ONE, 0.5), _EVERYWHERE),
     Case(

@@ -16,6 +16,7 @@ from sim_bridge.reliability.flight import Flight
 __all__ = [
     "CARRIES_ON",
     "FAILS_SAFE",
+    "FLIES_IN_THE_END",
     "HOLDS",
     "LANDS",
     "SAFE_ALONE",
@@ -110,6 +111,11 @@ def _carries_on(evidence: Evidence) -> float | None:
     return None if any(disturbance(evidence, victim) for victim in evidence.victims) else 0.0
 
 
+def _flies_in_the_end(evidence: Evidence) -> float | None:
+    last = [sample for sample in evidence.flight.samples if sample.time_s <= evidence.end_s][-1]
+    return 0.0 if all(last.states[victim] is FlightState.TRACK for victim in evidence.victims) else None
+
+
 def _stays_down(evidence: Evidence) -> float | None:
     flown = any(
         sample.positions[victim][2] < -_IN_AIR_M for sample in evidence.flight.samples for victim in evidence.victims
@@ -166,6 +172,7 @@ def _by_all(evidence: Evidence, times: Callable[[int], Iterator[float]]) -> floa
 
 
 CARRIES_ON = Reaction("carries on", _carries_on)
+FLIES_IN_THE_END = Reaction("takes off with the others all the same", _flies_in_the_end)
 STAYS_DOWN = Reaction("stays on the ground", _stays_down)
 FAILS_SAFE = Reaction("autopilot fails safe, ground hears it", _fails_safe)
 SAFE_ALONE = Reaction("stands, lands or fails safe by itself, ground hears it", _safe_alone)
