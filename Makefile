@@ -27,8 +27,9 @@ demo: .venv/run.stamp  ## fly the simulated team for two minutes, with live prog
 test: .venv/dev.stamp  ## run all tests
 	$(BIN)/pytest
 
-faults: .venv/dev.stamp  ## fly the whole fault suite, and write its table into docs/reliability.md
+faults: .venv/dev.stamp  ## fly the whole fault suite; writes docs/reliability.md
 	$(BIN)/python -m sim_bridge.reliability --seeds 2 --moments 50 --bars 4 --write docs/reliability.md
+	$(BIN)/pytest -m faults tests/faults
 
 check: .venv/dev.stamp  ## lint, types, generated files up to date
 	$(BIN)/ruff check .

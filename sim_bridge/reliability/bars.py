@@ -23,7 +23,7 @@ AGREEMENT_LIMIT_S = 20.0
 MAP_AGREEMENT = 0.95
 """Share of the cells that a pair of maps has in common; in an unbroken team it is what it is for news on their way."""
 TRACK_AGREEMENT_M = 0.4
-"""Mean over the targets of how far the two estimates that differ most are apart; looks of a moment ago make some of it."""
+"""Mean over the targets of how far the two estimates that differ most are apart; the latest looks make some of it."""
 
 _UNKNOWN_M = 1.0
 """What a target that only some know counts for."""
@@ -103,9 +103,9 @@ def partition(
     lab: Scenario, seed: int, length_s: float = PARTITION_S, *, forget_after_s: float | None
 ) -> PartitionResult:
     """Fly, cut one vehicle off for a while, and wait until all agree again; maps forget as told (None: never)."""
-    assert lab.simulation is not None
     exploration = lab.exploration.model_copy(update={"forget_after_s": forget_after_s})
     lab = lab.model_copy(update={"exploration": exploration})
+    assert lab.simulation is not None
     radio = lab.simulation.radio.model_copy(update={"range_m": None})
     flight = _tracking(lab.model_copy(update={"simulation": lab.simulation.model_copy(update={"radio": radio})}), seed)
     before = [error.nees for elapsed_s in _steps(flight, 20.0) for error in squared_errors(flight) if elapsed_s > 10.0]
@@ -161,13 +161,13 @@ def _partition_table(partitions: Sequence[tuple[str, PartitionResult]]) -> list[
         for name, r in partitions
     ]
     return [
-        f"**Vehicle 2 cut off for {PARTITION_S:.0f} s**, radio of unlimited range otherwise. Maps agree when any two have "
-        f"{100 * MAP_AGREEMENT:.0f} % of their cells in common; estimates when the two of a target that differ most are "
-        f"{TRACK_AGREEMENT_M:g} m apart or less, in the mean over the targets. NEES is per degree of freedom (1 is "
-        "consistent; the robots' paths are no random walks).",
+        f"**Vehicle 2 cut off for {PARTITION_S:.0f} s**, radio of unlimited range otherwise. Maps agree when any two "
+        f"have {100 * MAP_AGREEMENT:.0f} % of their cells in common; estimates when the two of a target that differ "
+        f"most are {TRACK_AGREEMENT_M:g} m apart or less, in the mean over the targets. NEES is per degree of freedom "
+        "(1 is consistent; the robots' paths are no random walks).",
         "",
-        "| map | seed | equal cells at its end, % | maps agree after, s | estimates agree after, s | NEES before | during "
-        "| 20 s after |",
+        "| map | seed | equal cells at its end, % | maps agree after, s | estimates agree after, s | NEES before "
+        "| during | 20 s after |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
         *rows,
     ]

@@ -1,0 +1,115 @@
+"""The worst faults in real processes: ``arvi fly`` with the fault on the scenario's script; ``make faults`` runs these.
+
+Each flight takes about a minute, on PX4's default ports, so they are not in ``make test``.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytestmark = pytest.mark.faults
+
+LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
+BEGIN_S = 14.0
+"""Since takeoff: 9 s after step 0 at the latest."""
+
+
+class Flown:
+    """A flight's exit code, texts and summary."""
+
+    def __init__(self, folder, *faults):
+        data = yaml.safe_load(LAB.read_text(encoding="utf-8"))
+        data["simulation"]["faults"] = [{"from_s": BEGIN_S} | fault for fault in faults]
+        config, summary = folder / "faulty.yaml", folder / "summary.json"
+        config.write_text(json.dumps(data), encoding="utf-8")
+        command = [sys.executable, "-m", "gcs", "fly", str(config), "--duration", "24", "--headless", "--no-record"]
+        finished = subprocess.run(
+            [*command, "--json", str(summary)],
+            capture_output=True,
+            text=True,
+            timeout=240,
+            check=False,
+            cwd=LAB.parents[1],
+        )
+        self.code, self.text = finished.returncode, finished.stdout + finished.stderr
+        self.summary = json.loads(summary.read_text()) if summary.exists() else None
+        print(self.text)
+
+    def vehicle(self, number):
+        return self.summary["vehicles"][number - 1]
+
+    def check_all_down_and_apart(self, *numbers):
+        for number in numbers:
+            vehicle = self.vehicle(number)
+            assert vehicle["landed"], number
+            assert vehicle["disarmed"], number
+            assert vehicle["min_separation_m"] >= 0.5
+
+
+@pytest.fixture
+def fly(tmp_path):
+    return lambda *faults: Flown(tmp_path, *faults)
+
+
+def fault(component, kind, length_s, vehicles=(2,), **parameters):
+    until = {} if length_s is None else {"until_s": BEGIN_S + length_s}
+    return {"component": component, "type": kind, "vehicles": list(vehicles), "parameters": parameters} | until
+
+
+HARMLESS = {
+    "radio: 30 % lost, jitter 100 ms": (
+        fault("radio", "intermittent", 10.0, (), loss=0.3),
+        fault("radio", "delayed", 10.0, (), delay_s=0.0, jitter_s=0.1),
+    ),
+    "radio: partition": (fault("radio", "off", 10.0),),
+    "radio: doubled, reordered, damaged": (fault("radio", "wrong", 8.0, ()), fault("radio", "garbage", 8.0, ())),
+    "process: stopped for 0.5 s": (fault("process", "stuck", 0.5),),
+    "bridge: stopped for 0.2 s": (fault("bridge", "stuck", 0.2, ()),),
+    "mocap: off for 1.5 s": (fault("mocap", "off", 1.5),),
+    "detector: ghosts": (fault("detector", "garbage", 8.0, ()),),
+    "autopilot link: 30 % lost": (fault("autopilot_link", "intermittent", 8.0),),
+}
+
+
+@pytest.mark.parametrize("faults", HARMLESS.values(), ids=HARMLESS.keys())
+def test_the_team_flies_on(fly, faults):
+    flown = fly(*faults)
+    assert flown.code == 0
+    flown.check_all_down_and_apart(1, 2, 3)
+    assert flown.summary["discovered"] >= 3
+    assert "failsafe" not in flown.text.lower()
+    for entry in faults:
+        assert f"fault begins: {entry['component']} {entry['type']}" in flown.text
+
+
+def test_a_killed_process_leaves_its_vehicle_in_its_autopilots_failsafe_and_the_others_flying(fly):
+    flown = fly(fault("process", "off", None))
+    assert "vehicle 2: mode OFFBOARD → POSCTL" in flown.text
+    assert "vehicle 2: Disarmed by landing" in flown.text
+    for vehicle in (1, 3):
+        assert f"vehicle {vehicle}: mode OFFBOARD → POSCTL" not in flown.text
+    flown.check_all_down_and_apart(1, 3)
+
+
+def test_a_stopped_process_takes_its_vehicle_up_again(fly):
+    flown = fly(fault("process", "stuck", 2.0))
+    assert "vehicle 2: mode OFFBOARD → POSCTL" in flown.text
+    assert "vehicle 2: mode POSCTL → OFFBOARD" in flown.text
+    flown.check_all_down_and_apart(1, 2, 3)
+
+
+def test_a_silent_autopilot_link_is_told(fly):
+    flown = fly(fault("autopilot_link", "off", 6.0))
+    assert "vehicle 2: autopilot link lost" in flown.text
+    assert "vehicle 2: mode OFFBOARD → POSCTL" in flown.text
+    flown.check_all_down_and_apart(1, 2, 3)
+
+
+def test_without_the_bridge_the_flight_ends_and_leaves_nothing_behind(fly):
+    flown = fly({"component": "bridge", "type": "off"})
+    assert flown.code == 1
+    assert "nothing is left to fly without the bridge" in flown.text
