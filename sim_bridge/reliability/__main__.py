@@ -14,7 +14,7 @@ from onboard.config import Scenario, load_scenario
 from sim_bridge.reliability.bars import measure
 from sim_bridge.reliability.cases import CASES
 from sim_bridge.reliability.phases import Phase
-from sim_bridge.reliability.report import markdown, write_into
+from sim_bridge.reliability.report import judged_anew, markdown, write_into
 from sim_bridge.reliability.run import Batch, batches, fly, moments, representative
 from sim_bridge.reliability.verdict import Outcome
 
@@ -57,7 +57,7 @@ def _fly(lab: Scenario, todo: list[Batch], arguments: argparse.Namespace) -> lis
 
 def _read(paths: Iterable[str]) -> list[Outcome]:
     lines = [line for path in paths for line in Path(path).read_text(encoding="utf-8").splitlines()]
-    return [Outcome.from_json(json.loads(line)) for line in lines]
+    return [judged_anew(Outcome.from_json(json.loads(line))) for line in lines]
 
 
 def _progress(outcome: Outcome, done: int, count: int, elapsed_s: float) -> None:
