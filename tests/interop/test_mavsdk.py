@@ -189,7 +189,14 @@ async def test_ardupilot_takes_off_flies_guided_and_lands(simulation):
     async with connected(fleet) as (_, system):
         vehicle = autopilot.vehicle
         action, offboard, telemetry = ActionAsync(system), OffboardAsync(system), TelemetryAsync(system)
-        await until(telemetry.subscribe_health(), lambda health: health.is_local_position_ok)
+        for ask in (
+            telemetry.set_rate_position_velocity_ned(20.0),  # of itself ArduPilot sends hardly anything
+            telemetry.set_rate_attitude_euler(20.0),
+            telemetry.set_rate_landed_state(5.0),
+        ):
+            await ask
+        # It exists only once there is an estimate; before, it would arm in STABILIZE and then refuse GUIDED.
+        await until(telemetry.subscribe_position_velocity_ned(), lambda report: report.position.east_m != 0.0)
         await action.set_takeoff_altitude(3.0)
         await armed_when_ready(action)
         await until(telemetry.subscribe_armed(), bool)
