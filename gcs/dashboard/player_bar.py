@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from bokeh.models import Button, Div, InlineStyleSheet, Row, Select, Slider
 
+from gcs.dashboard.palette import BLUE
 from gcs.dashboard.styles import BUTTONS, TEXT
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ _SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 _SLIDER = """
 :host { color: var(--ink); }
 .noUi-target { background: var(--input); border-color: var(--line); box-shadow: none; }
-.noUi-connect { background: #0072b2; }
 .noUi-handle { background: #0072b2; border-color: #0072b2; }
 .bk-slider-title { display: none; }
 """
@@ -43,7 +43,7 @@ class PlayerBar:
         # No title and no tooltip: the time stands beside it, as a clock.
         self._slider = Slider(
             start=0.0, end=max(player.duration_s, 0.1), step=0.1, value=0.0, title=None, show_value=False,
-            tooltips=False, sizing_mode="stretch_width", align="center", name="position",
+            tooltips=False, bar_color=BLUE, sizing_mode="stretch_width", align="center", name="position",
             stylesheets=[InlineStyleSheet(css=_SLIDER)],
         )  # fmt: skip
         self._slider.on_change("value", self._moved)

@@ -86,6 +86,9 @@ def _map(flight: FlightSeries) -> Figure:
     for target in flight.final.targets:
         if target.truth is not None and bounds.plausible(*target.truth):
             axes.plot(target.truth[1], target.truth[0], marker="x", color=_INK, markersize=7, markeredgewidth=1.6)
+            axes.annotate(
+                str(target.id), target.truth[::-1], (5, -9), textcoords="offset points", color=_INK, fontsize=8
+            )
         best = target.best
         if best is None or not bounds.plausible(best.north_m, best.east_m):
             continue
