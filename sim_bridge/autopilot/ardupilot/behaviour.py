@@ -23,7 +23,7 @@ from sim_bridge.autopilot.ardupilot.guided import Guided
 from sim_bridge.autopilot.ardupilot.parameters import RHYTHM
 from sim_bridge.autopilot.ardupilot.sensor_telemetry import SensorTelemetry
 from sim_bridge.autopilot.ardupilot.setpoints import DeadlySetpointError, Pose3, parse_setpoint
-from sim_bridge.autopilot.ardupilot.streams import DEFAULT_RATES_HZ, STREAM_GROUPS
+from sim_bridge.autopilot.ardupilot.streams import DEFAULT_RATES_HZ, FIRST_US, STREAM_GROUPS
 from sim_bridge.autopilot.ardupilot.telemetry import CopterTelemetry
 from sim_bridge.autopilot.ardupilot.vision import CopterVision
 from sim_bridge.autopilot.core.behaviour import Halt
@@ -136,7 +136,7 @@ class ArduPilot:
         }
         del self._builders[mavlink.MAVLINK_MSG_ID_PING]
         start_us = round(1e6 * FIRST_HEARTBEAT_S)
-        self.streams = {link: StreamSchedule(self._builders, DEFAULT_RATES_HZ, start_us) for link in LINKS}
+        self.streams = {link: StreamSchedule(self._builders, DEFAULT_RATES_HZ, start_us, FIRST_US) for link in LINKS}
         self._receiver = CommandReceiver(
             platform.outbox,
             CopterCommands(self, platform.outbox, self.streams).handlers,

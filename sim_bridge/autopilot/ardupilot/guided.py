@@ -58,17 +58,18 @@ class Guided:
         self._estimator = estimator
         self._control = control
         self._received_s = -math.inf
-        self._place = (0.0, 0.0, 0.0)
+        self._place = FREE
         self._yaw_rad = 0.0
         self._liftoff_s = math.inf
         self.kind = GuidedKind.HOLD
         self.setpoint = IDLE
 
     def enter(self) -> None:
-        """Hold here."""
+        """Come to a stop and hold there."""
         self.kind = GuidedKind.HOLD
         self.setpoint = IDLE
-        self._stay()
+        self._place = FREE
+        self._yaw_rad = self._estimator.yaw_rad
 
     def take_off(self, down_m: float, time_s: float, armed_s: float) -> None:
         """Climb to a height.
@@ -80,8 +81,8 @@ class Guided:
         """
         self.kind = GuidedKind.TAKEOFF
         self.setpoint = IDLE
-        self._stay()
-        self._place = (self._place[0], self._place[1], down_m)
+        self._place = (self._estimator.north_m, self._estimator.east_m, down_m)
+        self._yaw_rad = self._estimator.yaw_rad
         self._liftoff_s = max(time_s, armed_s + ARMING_DELAY_S) + TAKEOFF_DELAY_S
 
     def receive(self, setpoint: Setpoint, time_s: float) -> None:
@@ -114,10 +115,8 @@ class Guided:
         kind, setpoint = self.kind, self.setpoint
         if kind is GuidedKind.TAKEOFF and abs(self._estimator.down_m - self._place[2]) < ARRIVED_M:
             self.kind = GuidedKind.HOLD
-        if kind is GuidedKind.TAKEOFF:
+        if kind in (GuidedKind.HOLD, GuidedKind.TAKEOFF):
             return Wish(position=self._place, yaw_rad=self._yaw_rad)
-        if kind is GuidedKind.HOLD:
-            return Wish(yaw_rad=self._yaw_rad)
         if kind is GuidedKind.POSITION:
             yaw_rad, yaw_rate = self._heading(setpoint)
             return Wish(position=setpoint.position, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
@@ -145,8 +144,3 @@ class Guided:
         if math.hypot(*self._control.planned_velocity[:2]) >= LOOK_AHEAD_SPEED_M_S and not math.isnan(velocity[0]):
             self._yaw_rad = math.atan2(velocity[1], velocity[0])
         return self._yaw_rad, 0.0
-
-    def _stay(self) -> None:
-        estimator = self._estimator
-        self._place = (estimator.north_m, estimator.east_m, estimator.down_m)
-        self._yaw_rad = estimator.yaw_rad

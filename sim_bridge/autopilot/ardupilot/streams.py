@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["DEFAULT_RATES_HZ", "EKF_STATUS_REPORT", "MIN_INTERVAL_US", "STREAM_GROUPS"]
+__all__ = ["DEFAULT_RATES_HZ", "EKF_STATUS_REPORT", "FIRST_US", "MIN_INTERVAL_US", "STREAM_GROUPS"]
 
 EKF_STATUS_REPORT = 193
 
@@ -18,6 +18,9 @@ DEFAULT_RATES_HZ: Mapping[int, float] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: 0.1,
 }
+
+FIRST_US: Mapping[int, int] = {mavlink.MAVLINK_MSG_ID_TIMESYNC: 10_000_000}
+"""When what is seldom comes first, µs since the boot."""
 
 MIN_INTERVAL_US = 3125.0
 """Faster than 0.8 times SCHED_LOOP_RATE is denied."""

@@ -26,9 +26,16 @@ class StreamSchedule:
         builders: Messages by id.
         default_rates_hz: What is sent unprompted, and how often; messages without a builder are left out.
         start_us: When the first messages are sent, µs since the boot.
+        later_us: Messages that are sent first at a time of their own, likewise.
     """
 
-    def __init__(self, builders: Mapping[int, Builder], default_rates_hz: Mapping[int, float], start_us: int) -> None:
+    def __init__(
+        self,
+        builders: Mapping[int, Builder],
+        default_rates_hz: Mapping[int, float],
+        start_us: int,
+        later_us: Mapping[int, int] | None = None,
+    ) -> None:
         self._builders = builders
         self._defaults = {
             message_id: round(1e6 / rate_hz)
@@ -41,7 +48,8 @@ class StreamSchedule:
         self._places: dict[int, int] = {}
         self._now_us = 0
         for place, (message_id, interval_us) in enumerate(self._defaults.items()):
-            self._schedule(message_id, start_us + _PHASE_US * place, interval_us)
+            due_us = (later_us or {}).get(message_id, start_us + _PHASE_US * place)
+            self._schedule(message_id, due_us, interval_us)
 
     @property
     def message_ids(self) -> frozenset[int]:

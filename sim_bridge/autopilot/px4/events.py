@@ -14,10 +14,12 @@ from sim_bridge.autopilot.core.outbox import Outbox
 from sim_bridge.autopilot.core.raw_messages import RawMessage
 from sim_bridge.autopilot.links import LINKS
 
-__all__ = ["EventLog"]
+__all__ = ["CRC_EXTRA", "EventLog"]
 
 EVENT_ID = 410
-_CRC_EXTRA = 160
+CRC_EXTRA = 160
+"""Checksum over the message's definition, which every frame's checksum ends with."""
+
 _ARGUMENT_BYTES = 40
 
 _ARMED = 0x0190CAF3
@@ -83,5 +85,5 @@ class EventLog:
         fields = struct.pack("<IIHBBB", event_id, self._clock.boot_ms, self._sequence, 0, 0, log_levels)
         for link in LINKS:
             self._outbox.send(
-                link, RawMessage(EVENT_ID, "EVENT", _CRC_EXTRA, fields + arguments.ljust(_ARGUMENT_BYTES, b"\0"))
+                link, RawMessage(EVENT_ID, "EVENT", CRC_EXTRA, fields + arguments.ljust(_ARGUMENT_BYTES, b"\0"))
             )
