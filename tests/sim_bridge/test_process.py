@@ -77,6 +77,37 @@ def types(messages):
 
 
 @pytest.mark.system
+@pytest.mark.parametrize("allowed", [True, False])
+def test_faults_are_injected_by_the_ground_stations_command_where_the_scenario_allows_it(tmp_path, allowed):
+    path = shifted_lab(tmp_path)
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    data["simulation"]["allow_live_faults"] = allowed
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    ground = listener(14550)
+    process = start(path)
+    try:
+        heard = collect({"ground": ground}, lambda heard: "VEHICLE_TRUTH" in types(heard["ground"]), limit_s=30.0)
+        bridge_port = next(port for message, port in heard["ground"] if message.get_srcSystem() == 250)
+        inject = mavlink.MAVLink_command_long_message(
+            250, 1, mavlink.MAV_CMD_INJECT_FAILURE, 0, mavlink.FAILURE_UNIT_SENSOR_VIO, 1, 2, 0, 0, 0, 0
+        )
+        for system in (254, 255):  # only the configured ground station is obeyed
+            ground.sendto(Codec(system, 190).encode(inject), ("127.0.0.1", bridge_port + SHIFT))
+        heard = collect(
+            {"ground": ground}, lambda heard: {"COMMAND_ACK", "STATUSTEXT"} <= types(heard["ground"]), limit_s=5.0
+        )["ground"]
+        (ack,) = [message for message, _ in heard if message.get_type() == "COMMAND_ACK"]
+        texts = "".join(message.text for message, _ in heard if message.get_type() == "STATUSTEXT")
+        assert (ack.command, ack.target_system, ack.get_srcSystem()) == (mavlink.MAV_CMD_INJECT_FAILURE, 255, 250)
+        assert ack.result == (mavlink.MAV_RESULT_ACCEPTED if allowed else mavlink.MAV_RESULT_DENIED)
+        assert ("fault begins: mocap off, vehicles 2" if allowed else "fault refused") in texts
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=10)
+        ground.close()
+
+
+@pytest.mark.system
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_speaks_on_every_port_and_ends_cleanly(tmp_path, number):
     socks = {n: listener(14540 + n - 1) for n in (1, 2, 3)} | {"ground": listener(14550)}
