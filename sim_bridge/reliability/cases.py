@@ -99,7 +99,7 @@ _BLIND = Gap(
 )
 _FROZEN = Gap("a frozen position is not noticed", "outside the fence|^separation|^not seen")
 _BATTERY = Gap("the battery is not watched", "^not seen: says")
-_NO_TIMESYNC = Gap("peers' clocks are not compared", "^not seen: says")
+_NO_TIMESYNC = Gap("peers' clocks are not compared", "^not seen: says|^separation")
 
 _C, _T = Component, FaultType
 _ALL: tuple[int, ...] = ()

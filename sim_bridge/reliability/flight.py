@@ -94,13 +94,11 @@ class Sample:
         time_s: UNIX time, s.
         states: Flight state of each vehicle's onboard process; None while there is none.
         positions: North m, east m, down m of each vehicle.
-        plan_age_s: Age of the plan that each vehicle flies, s; NaN if it flies none.
     """
 
     time_s: float
     states: dict[int, FlightState | None]
     positions: dict[int, tuple[float, float, float]]
-    plan_age_s: dict[int, float]
 
 
 def suite_scenario(lab: Scenario) -> Scenario:
@@ -287,17 +285,8 @@ class Flight:
                     self.said.append(Said(heard.time_s, system, text[1]))
 
     def _look(self) -> None:
-        now_s = self.now_s
-        companions = self.team.companions
-        ages = {i: companion.machine.plan_age_s(now_s) for i, companion in companions.items()}
-        self.samples.append(
-            Sample(
-                now_s,
-                {vehicle_id: self.state(vehicle_id) for vehicle_id in self._ids},
-                self.team.bridge.world.positions(),
-                {i: math.nan if age is None else age for i, age in ages.items()},
-            )
-        )
+        states = {vehicle_id: self.state(vehicle_id) for vehicle_id in self._ids}
+        self.samples.append(Sample(self.now_s, states, self.team.bridge.world.positions()))
 
 
 def _long(system: int, component: int, command: int, *parameters: float) -> Command:

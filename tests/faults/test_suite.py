@@ -1,7 +1,6 @@
 """A representative part of the fault suite (`make faults` flies all), and that its referee tells good from bad."""
 
 import json
-import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,7 +14,7 @@ from onboard.messages import FlightState
 from sim_bridge.reliability.cases import ANYTIME, CASES, REPRESENTATIVE, Case, Expected, Gap
 from sim_bridge.reliability.flight import Flight, Heartbeat, Said, Sample, suite_scenario
 from sim_bridge.reliability.phases import Phase
-from sim_bridge.reliability.reactions import CARRIES_ON, FAILS_SAFE, Evidence, all_of, disturbance, says
+from sim_bridge.reliability.reactions import CARRIES_ON, FAILS_SAFE, HOLDS, LANDS, Evidence, all_of, disturbance, says
 from sim_bridge.reliability.report import BEGIN, END, markdown, write_into
 from sim_bridge.reliability.run import batches, moments
 from sim_bridge.reliability.verdict import Outcome, judge
@@ -92,7 +91,7 @@ class Record:
 
 
 def sample(time_s, state):
-    return Sample(time_s, {2: state}, {2: (1.0, 1.0, -1.0)}, {2: math.nan})
+    return Sample(time_s, {2: state}, {2: (1.0, 1.0, -1.0)})
 
 
 def test_reactions_are_timed_from_the_fault_by_the_last_victim():
@@ -111,6 +110,14 @@ def test_reactions_are_timed_from_the_fault_by_the_last_victim():
     assert says("low").seen(both) is None
     assert all_of(says("low"), FAILS_SAFE).seen(one) == 1.5
     assert all_of(says("high"), FAILS_SAFE).seen(one) is None
+
+
+@pytest.mark.parametrize(("reaction", "state"), [(HOLDS, FlightState.HOLD), (LANDS, FlightState.RETURN)])
+def test_a_state_is_a_reaction_from_when_it_is_taken_on(reaction, state):
+    states = [(9.0, state), (11.0, FlightState.TRACK), (12.0, state), (13.0, state)]
+    record = Record(samples=[sample(time_s, taken) for time_s, taken in states])
+    assert reaction.seen(Evidence(record, (2,), 10.0, 20.0)) == 2.0
+    assert reaction.seen(Evidence(record, (2,), 13.0, 20.0)) is None
 
 
 @pytest.mark.parametrize(
