@@ -25,6 +25,13 @@ def ardupilot_requirements(needs: Needs) -> tuple[Requirement, ...]:
             unit="cdeg/s",
         ),
         Requirement(
+            "ATC_ACCEL_Y_MAX",
+            Within(low=1e2 * math.degrees(needs.yaw_acceleration_rad_s2), off=0.0, step=1000.0),
+            "turns that reverse from step to step",
+            _SHOULD,
+            unit="cdeg/s^2",
+        ),
+        Requirement(
             "WPNAV_SPEED",
             Within(low=1e2 * speed, step=10.0),
             f"{needs.speed_m_s:g} m/s and position control's {needs.correction_m_s:g}",

@@ -14,7 +14,7 @@ from onboard.flight.behaviour import Behaviour, Request
 from onboard.flight.events import Event
 from onboard.flight.placement import Placement
 from onboard.flight.pose_history import ClockOffset, PoseHistory
-from onboard.flight.preflight import Preflight, Verdict
+from onboard.flight.preflight import Preflight
 from onboard.flight.px4 import Px4
 from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
@@ -295,13 +295,11 @@ class AutopilotLink:
         """Say what is wrong with the parameters when they have been read, and whenever that changes."""
         if not self.preflight.done:
             return
-        severities = {Verdict.WRONG: mavlink.MAV_SEVERITY_ERROR, Verdict.ADVICE: mavlink.MAV_SEVERITY_INFO}
-        findings = [finding for finding in self.preflight.findings() if finding.verdict in severities]
-        told = [str(finding) for finding in findings]
+        told = [str(finding) for finding in self.preflight.violations()]
         if told != self._told_findings:
             self._told_findings = told
-            for finding in findings:
-                self._say(severities[finding.verdict], f"parameter {finding}")
+            for text in told:
+                self._say(mavlink.MAV_SEVERITY_ERROR, f"parameter {text}")
 
     def _remember(
         self,

@@ -39,7 +39,7 @@ class Px4:
     land_mode: int = Px4Mode.LAND
     streams_before_takeoff = True
     response = Response(
-        velocity_delay_s=0.12,
+        velocity_delay_s=0.08,
         yaw_delay_s=0.4,
         max_yaw_acceleration_rad_s2=3.0,
         position_gain_per_s=2.0,

@@ -38,6 +38,13 @@ def px4_requirements(needs: Needs) -> tuple[Requirement, ...]:
             f"curves need {needs.acceleration_m_s2:g} m/s^2 sideways",
             unit="deg",
         ),
+        Requirement(
+            "MPC_XY_VEL_P_ACC",
+            Within(low=min(needs.yaw_rate_rad_s, 4.0), step=0.5),
+            "velocity that follows as fast as primitives turn",
+            _SHOULD,
+            unit="1/s",
+        ),
         Requirement("COM_OF_LOSS_T", Within(0.5, 5.0), "how long setpoints may be silent", unit="s"),
         Requirement(
             "COM_DISARM_PRFLT",

@@ -28,6 +28,7 @@ class Needs:
         speed_m_s: Fastest primitive.
         correction_m_s: What position control may add.
         yaw_rate_rad_s: Fastest turn.
+        yaw_acceleration_rad_s2: That reverses the fastest turn within two thirds of a step.
         acceleration_m_s2: Sideways, in the tightest curve: the largest ν·|ω|.
         jerk_m_s3: Of the tightest curve: the largest ν·ω².
         climb_m_s: Up and down.
@@ -37,6 +38,7 @@ class Needs:
     speed_m_s: float
     correction_m_s: float
     yaw_rate_rad_s: float
+    yaw_acceleration_rad_s2: float
     acceleration_m_s2: float
     jerk_m_s3: float
     climb_m_s: float
@@ -47,10 +49,12 @@ class Needs:
         """What a vehicle of a scenario needs."""
         primitives = scenario.primitives
         correction_m_s = scenario.flight.max_correction_m_s
+        yaw_rate_rad_s = max(abs(rate) for _, rate in primitives)
         return cls(
             speed_m_s=max(*(speed for speed, _ in primitives), scenario.flight.return_speed_m_s),
             correction_m_s=correction_m_s if correction_m_s is not None else MAX_CORRECTION_M_S,
-            yaw_rate_rad_s=max(abs(rate) for _, rate in primitives),
+            yaw_rate_rad_s=yaw_rate_rad_s,
+            yaw_acceleration_rad_s2=2.0 * yaw_rate_rad_s / (2.0 / 3.0 * scenario.mission.step_s),
             acceleration_m_s2=max(speed * abs(rate) for speed, rate in primitives),
             jerk_m_s3=max(speed * rate * rate for speed, rate in primitives),
             climb_m_s=scenario.flight.climb_m_s,
