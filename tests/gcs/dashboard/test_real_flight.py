@@ -89,10 +89,11 @@ def order(page, button, vehicle):
 
 
 def labels(page, *columns):
-    """Labels of the map's layer whose source has these columns, as the browser holds it."""
+    """Labels of the map's layer whose source has these columns and fewest others, as the browser holds it."""
     return page.evaluate(
         """(columns) => Bokeh.documents[0].all_models.size && Array.from(Bokeh.documents[0].all_models)
             .filter((m) => m.type === "ColumnDataSource" && columns.every((name) => name in m.data))
+            .sort((a, b) => Object.keys(a.data).length - Object.keys(b.data).length)
             .map((m) => Array.from(m.data.label))[0]""",
         list(columns),
     )
@@ -124,37 +125,37 @@ def test_buttons_change_modes_and_a_killed_process_is_landed_past(fly):
         said = [re.search("dashboard: http|-> ARM", line) for line in list(fly.lines)]
         assert next(filter(None, said)).group().startswith("dashboard"), "it is up before anybody arms"
         assert labels(page, "fov_from") == ["1", "2"]
-        wait_until(lambda: labels(page, "error", "place", "label") == ["1", "2", "3", "4", "5"], 10.0)
+        wait_until(lambda: labels(page, "error", "place", "label") == ["1", "2", "3", "4", "5"], 30.0)
 
         order(page, "Pause", "1")
-        first.filter(has_text="HOLD").wait_for(timeout=10_000)
+        first.filter(has_text="HOLD").wait_for(timeout=30_000)
         order(page, "Resume", "1")
-        first.filter(has_text="TRACK").wait_for(timeout=10_000)
-        page.locator("p.acknowledged").filter(has_text="Resume vehicle 1 (onboard process)").wait_for(timeout=5_000)
+        first.filter(has_text="TRACK").wait_for(timeout=30_000)
+        page.locator("p.acknowledged").filter(has_text="Resume vehicle 1 (onboard process)").wait_for(timeout=30_000)
 
         page.reload()
-        first.filter(has_text="TRACK").wait_for(timeout=10_000)
-        page.locator("p.acknowledged").filter(has_text="Resume vehicle 1").wait_for(timeout=5_000)
+        first.filter(has_text="TRACK").wait_for(timeout=30_000)
+        page.locator("p.acknowledged").filter(has_text="Resume vehicle 1").wait_for(timeout=30_000)
 
         order(page, "Hold", "1")
-        page.locator("p.acknowledged").filter(has_text="Hold vehicle 1 (autopilot, MAVSDK)").wait_for(timeout=10_000)
-        first.filter(has_text=re.compile(r"RELEASED\s*LOITER\s*armed")).wait_for(timeout=10_000)
+        page.locator("p.acknowledged").filter(has_text="Hold vehicle 1 (autopilot, MAVSDK)").wait_for(timeout=30_000)
+        first.filter(has_text=re.compile(r"RELEASED\s*LOITER\s*armed")).wait_for(timeout=30_000)
         order(page, "Resume", "1")  # it has let go, and says so
-        page.locator("p.refused").filter(has_text="resume refused: state is RELEASED").wait_for(timeout=10_000)
+        page.locator("p.refused").filter(has_text="resume refused: state is RELEASED").wait_for(timeout=30_000)
 
         os.kill(fly.onboard_pid(2), signal.SIGKILL)
         killed = time.monotonic()
-        page.locator("tr.silent[data-vehicle='2']").wait_for(timeout=10_000)
+        page.locator("tr.silent[data-vehicle='2']").wait_for(timeout=30_000)
         assert time.monotonic() - killed < 5.0
         order(page, "Land", "2")
-        page.locator("p.acknowledged").filter(has_text="Land vehicle 2 (autopilot, MAVSDK)").wait_for(timeout=10_000)
-        second.filter(has_text=re.compile(r"SILENT\s*LAND")).wait_for(timeout=10_000)
+        page.locator("p.acknowledged").filter(has_text="Land vehicle 2 (autopilot, MAVSDK)").wait_for(timeout=30_000)
+        second.filter(has_text=re.compile(r"SILENT\s*LAND")).wait_for(timeout=30_000)
 
         page.locator("#orders").get_by_role("combobox").select_option(label="vehicle 1")
         page.get_by_role("button", name="Emergency stop").click()
         page.get_by_role("button", name="MOTORS OFF").click()
-        page.locator("p.acknowledged").filter(has_text="Emergency stop vehicle 1").wait_for(timeout=10_000)
-        first.filter(has_text=re.compile(r"LOITER\s*no")).wait_for(timeout=10_000)
+        page.locator("p.acknowledged").filter(has_text="Emergency stop vehicle 1").wait_for(timeout=30_000)
+        first.filter(has_text=re.compile(r"LOITER\s*no")).wait_for(timeout=30_000)
         assert wrong == []
         own = (url, url.replace("http", "ws"), "data:", "blob:")
         assert [request for request in asked if not request.startswith(own)] == []
