@@ -28,6 +28,7 @@ from gcs.session import Display, StopRequests, run_session
 from gcs.station import GroundStation
 from gcs.supervisor import ChildExit, Supervisor, tail
 from gcs.team import Event, TeamState
+from gcs.vehicle import VehicleState
 from onboard.config import Scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
@@ -315,8 +316,8 @@ class _Flight:
         if self._stop.count:
             return "stopped before takeoff"
         if time.monotonic() - self._launched_s > self._patience_s:
-            missing = [v.id for v in team.vehicles if v.flight_state is not FlightState.STANDBY]
-            return f"not ready within {self._patience_s:.0f} s: vehicles {', '.join(map(str, missing))}"
+            missing = [_unready(v) for v in team.vehicles if v.flight_state is not FlightState.STANDBY]
+            return f"not ready within {self._patience_s:.0f} s: {'; '.join(missing)}"
         return None
 
     def _find_faults(self) -> None:
@@ -355,6 +356,13 @@ class _Flight:
             "duration_s": options.duration_s if math.isfinite(options.duration_s) else None,
             "vehicles": list(self._names.values()),
         }
+
+
+def _unready(vehicle: VehicleState) -> str:
+    """A vehicle that keeps a team waiting, with why as far as anybody said."""
+    if not vehicle.autopilot_alive:
+        return f"vehicle {vehicle.id} (no autopilot is heard)"
+    return f"vehicle {vehicle.id} ({vehicle.status_text})" if vehicle.status_text else f"vehicle {vehicle.id}"
 
 
 def _cpu_s() -> float:
