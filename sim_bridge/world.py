@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import Protocol
 
 import numpy as np
 
@@ -15,21 +14,19 @@ from onboard.config import Scenario
 from onboard.config.simulation import OriginConfig
 from onboard.protocol import dialect as mavlink
 from sim_bridge.arena import Arena
-from sim_bridge.autopilot import FIRMWARES, Firmware, LinkName, ParameterError, SimulatedAutopilot
+from sim_bridge.autopilot import FIRMWARES, Firmware, ParameterError, SimulatedAutopilot
 from sim_bridge.errors import BridgeError, require_simulation
 from sim_bridge.external import ExternalAutopilot, build_external
 from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.ground_robots import GroundRobots
 from sim_bridge.mocap.pose import ENCODERS, MocapPose, odometry
+from sim_bridge.models import AutopilotModel, VehicleModel
 from sim_bridge.seeding import Stream, generator
 from sim_bridge.truth import TargetTruth, VehicleTruth
 from sim_bridge.vehicle.dynamics import Vehicle
 
 __all__ = [
-    "AutopilotModel",
-    "SetpointStatistics",
     "SimulatedVehicle",
-    "VehicleModel",
     "World",
     "build_world",
 ]
@@ -37,50 +34,6 @@ __all__ = [
 
 _ON_GROUND_M = 0.1
 """An external vehicle lower than this stands on the ground."""
-
-
-class VehicleModel(Protocol):
-    """What the world reads of a vehicle's dynamics; frame NED, SI units."""
-
-    north_m: float
-    east_m: float
-    down_m: float
-    velocity_north_m_s: float
-    velocity_east_m_s: float
-    velocity_down_m_s: float
-    yaw_rad: float
-    on_ground: bool
-
-
-class SetpointStatistics(Protocol):
-    """What an autopilot counts of the setpoints that it receives while armed and offboard."""
-
-    setpoints: int
-    setpoint_gap_max_s: float
-    setpoint_time_s: float
-
-
-class AutopilotModel(Protocol):
-    """What the bridge needs of a simulated autopilot, which moves its vehicle on."""
-
-    @property
-    def statistics(self) -> SetpointStatistics:
-        """Setpoint accounting."""
-
-    def receive(self, message: mavlink.MAVLink_message, link: LinkName, time_s: float) -> None:
-        """Take a message from the link ``onboard`` or ``gcs``."""
-
-    def receive_mocap(self, message: mavlink.MAVLink_message) -> None:
-        """Take a pose of motion capture."""
-
-    def drain_battery(self, remaining: float) -> None:
-        """Leave so much charge, 0 to 1, in its battery."""
-
-    def step(self, time_s: float, dt_s: float) -> None:
-        """Move on by ``dt_s`` to ``time_s``."""
-
-    def outbox(self) -> list[tuple[LinkName, mavlink.MAVLink_message]]:
-        """Take out the messages to send, each with its link."""
 
 
 @dataclass(frozen=True, slots=True)

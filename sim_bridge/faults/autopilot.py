@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,7 @@ from onboard.protocol import dialect as mavlink
 from sim_bridge.autopilot.links import ONBOARD, LinkName
 from sim_bridge.faults.schedule import Fault, FaultSchedule
 from sim_bridge.faults.stream import FaultyStream, Way
-
-if TYPE_CHECKING:
-    from sim_bridge.world import AutopilotModel, SetpointStatistics
+from sim_bridge.models import AutopilotModel, SetpointStatistics
 
 __all__ = ["FaultyAutopilot"]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from onboard.config.faults import FaultConfig
 from sim_bridge.faults.autopilot import FaultyAutopilot
@@ -12,11 +11,9 @@ from sim_bridge.faults.live import LiveFaults
 from sim_bridge.faults.poses import FaultyPoses
 from sim_bridge.faults.radio import FaultyRadio
 from sim_bridge.faults.schedule import FaultSchedule
+from sim_bridge.models import AutopilotModel
 from sim_bridge.radio import Radio
 from sim_bridge.seeding import Stream, generator
-
-if TYPE_CHECKING:
-    from sim_bridge.world import AutopilotModel
 
 __all__ = ["FaultInjection"]
 

@@ -107,3 +107,12 @@ def test_gps_flies_it_where_there_is_no_motion_capture(bench):
     assert flight.vehicle.velocity_north_m_s == pytest.approx(1.0, abs=0.25)
     assert error_m(flight) < 1.0
     assert flight.messages("GPS_RAW_INT")[-1].fix_type == mavlink.GPS_FIX_TYPE_3D_FIX
+
+
+def test_silence_for_good_ends_on_the_ground(hovering):
+    """Without a position ALTCTL is what is left; without sticks it sinks, lands and disarms."""
+    hovering.fly_offboard(hovering.setpoint(), 1.0)
+    hovering.mocap = False
+    hovering.run(25.0, hovering.setpoint())
+    assert hovering.vehicle.on_ground
+    assert not hovering.autopilot.armed
