@@ -38,7 +38,7 @@ class ArduPilot:
     guided_mode: int = CopterMode.GUIDED
     land_mode: int = CopterMode.LAND
     streams_before_takeoff = False
-    response = Response(velocity_delay_s=0.42, yaw_delay_s=0.25)
+    response = Response(velocity_delay_s=0.42, yaw_delay_s=0.25, position_gain_per_s=2.0, max_correction_m_s=1.0)
     integers_bytewise = False
     returns_from_failsafe = False
     rates_hz: Mapping[int, float] = MappingProxyType(

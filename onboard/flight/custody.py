@@ -11,7 +11,10 @@ from onboard.flight.autopilot import AutopilotLink
 __all__ = ["Custody", "Holder", "Verdict"]
 
 FAILSAFE_PATIENCE_S = 2.0
-"""How long a failsafe that waits for somebody's sticks is left alone: its reason may pass."""
+"""How long a failsafe that lands, or waits for sticks, may last and still be flown on from: its reason may pass.
+
+After that our stream stops: it would take the vehicle up again from anywhere on its way down.
+"""
 
 
 class Holder(Enum):
@@ -22,9 +25,9 @@ class Holder(Enum):
     AUTOPILOT = "autopilot"
     """In a failsafe from which it comes back by itself while our stream goes on."""
     NOBODY = "nobody"
-    """In a failsafe that waits for a pilot who did not come: it should be landed."""
+    """In a failsafe that lands, or waits for a pilot who did not come: it should be landed."""
     LANDING = "landing"
-    """In a failsafe that lands and does not come back."""
+    """In a failsafe that lands, or has landed, and does not come back."""
     ANOTHER = "another"
     """Somebody else: any command of ours would fight theirs."""
 
@@ -65,6 +68,8 @@ class Custody:
         if link.boots != self._boots:
             return Verdict(Holder.ANOTHER, "the autopilot rebooted")
         if not link.heard.armed:
+            if self._failsafe_s < math.inf:
+                return Verdict(Holder.LANDING, "autopilot failsafe: it has disarmed")
             return Verdict(Holder.ANOTHER, "disarmed")
         if link.heard.mode == mode:
             self._failsafe_s = math.inf
@@ -78,9 +83,10 @@ class Custody:
         mode = link.heard.mode
         if behaviour.returns_from_failsafe:
             self._failsafe_s = min(self._failsafe_s, time_s)
-            waits = mode is not None and behaviour.needs_pilot(mode)
-            waited = waits and time_s - self._failsafe_s > FAILSAFE_PATIENCE_S
+            final = mode is not None and (behaviour.needs_pilot(mode) or mode == behaviour.land_mode)
+            waited = final and time_s - self._failsafe_s > FAILSAFE_PATIENCE_S
             holder = Holder.NOBODY if waited else Holder.AUTOPILOT
         else:
             holder = Holder.LANDING if mode == behaviour.land_mode else Holder.ANOTHER
-        return Verdict(holder, f"autopilot failsafe: {link.mode_name}")
+        ends = "; landing here" if holder in (Holder.NOBODY, Holder.LANDING) else ""
+        return Verdict(holder, f"autopilot failsafe: {link.mode_name}{ends}")

@@ -396,7 +396,7 @@ class FlightMachine:
             case Holder.AUTOPILOT:
                 self._say(mavlink.MAV_SEVERITY_CRITICAL, verdict.reason)
             case Holder.NOBODY | Holder.LANDING:
-                self._say(mavlink.MAV_SEVERITY_CRITICAL, f"{verdict.reason}; landing here")
+                self._say(mavlink.MAV_SEVERITY_CRITICAL, verdict.reason)
                 self._enter(FlightState.LAND, time_s)
             case Holder.ANOTHER:
                 self._say(

@@ -309,6 +309,20 @@ def test_a_failsafe_of_px4_that_waits_for_sticks_lands_where_nobody_holds_them()
     assert any("failsafe: ALTCTL; landing here" in text for text in flight.texts)
 
 
+def test_a_failsafe_of_px4_that_lands_by_itself_is_a_landing() -> None:
+    """COM_OBL_RC_ACT 4, or no position."""
+    flight = Flight("px4")
+    flight.fly_to(FlightState.TRACK)
+    flight.run(4.0)
+    flight.mode, flight.failsafe = Px4Mode.LAND, True
+    before = len(flight.setpoints)
+    flight.run(1.5)
+    assert len(flight.setpoints) - before == 75, "it may come back"
+    flight.until(lambda: flight.machine.state is FlightState.LANDED)
+    assert not any("somebody else" in text for text in flight.texts)
+    assert flight.texts[-1] == "LAND -> LANDED"
+
+
 def test_a_failsafe_of_ardupilot_that_lands_is_followed_to_the_ground() -> None:
     """It does not come back: "EKF Failsafe: changed to LAND Mode"."""
     flight = Flight("ardupilot")
