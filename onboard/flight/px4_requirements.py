@@ -64,6 +64,7 @@ def _mocap() -> tuple[Requirement, ...]:
         Requirement("EKF2_HGT_REF", OneOf((3.0,)), "height from motion capture"),
         Requirement("SYS_HAS_GPS", OneOf((0.0,)), "else its checks wait for GPS", _SHOULD, reboot=True),
         Requirement("EKF2_MAG_TYPE", OneOf((5.0,)), "indoors the compass misleads", _SHOULD),
+        Requirement("EKF2_BARO_CTRL", OneOf((1.0,)), "height to land by when motion capture is silent", _SHOULD),
     )
 
 
