@@ -41,7 +41,7 @@ _FEW_TRIALS = 4
 """With fewer, each trial is drawn, for a band would say little."""
 _CROWD = len(_COLORS)
 """With more arms only means are drawn, for bands would hide each other; their intervals are in the other figure."""
-_LOG_RATIO = 15.0
+_LOG_RATIO = 8.0
 """Positive curves that differ by more than this share a logarithmic axis."""
 
 
