@@ -132,12 +132,11 @@ class MissionDirector:
             self.phase = Phase.GAVE_UP
 
     def _start(self, vehicle: VehicleState, now_s: float) -> list[Command]:
-        """START to who has not taken it, while it can still be up by step 0."""
-        if self.start_s is None or now_s >= self.start_s or vehicle.flight_state not in _READY:
+        """START to who has not taken it, while it can still be up by step 0, or was started anew in the air."""
+        if self.start_s is None or vehicle.id in self._landed_by_operator:
             return []
-        if vehicle.id in self._landed_by_operator:
-            return []
-        if now_s - self._started_s.get(vehicle.id, -math.inf) < _AGAIN_S:
+        wanted = vehicle.flight_state in _READY if now_s < self.start_s else _forgot_that_it_flies(vehicle)
+        if not wanted or now_s - self._started_s.get(vehicle.id, -math.inf) < _AGAIN_S:
             return []
         self._started_s[vehicle.id] = now_s
         return [start_command(vehicle.id, self.start_s)]
@@ -167,3 +166,9 @@ class MissionDirector:
 
 def _ready(vehicle: VehicleState) -> bool:
     return vehicle.flight_state in _READY and vehicle.onboard_alive and vehicle.autopilot_alive
+
+
+def _forgot_that_it_flies(vehicle: VehicleState) -> bool:
+    """Whether its onboard process has begun anew while the vehicle is in the air."""
+    idle = vehicle.flight_state in (FlightState.WAIT, FlightState.STANDBY)
+    return idle and vehicle.onboard_alive and vehicle.armed is True and not vehicle.landed

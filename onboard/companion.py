@@ -25,7 +25,7 @@ from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.last_resort import LastResort
-from onboard.messages import FlightState
+from onboard.messages import FlightState, PeerStatus
 from onboard.planning.plan import Plan
 from onboard.planning.problem import Problem
 from onboard.protocol import dialect as mavlink
@@ -167,6 +167,8 @@ class Companion:
             return
         self._peer_frames.setdefault(message.get_srcSystem(), SequenceMonitor()).receive(message.get_seq(), time_s)
         if self.agent is None or self._clock is None:
+            if isinstance(message, mavlink.MAVLink_planner_status_message):
+                self._rejoin(read_status(message), time_s)
             return
         match message:
             case mavlink.MAVLink_planner_status_message():
@@ -230,6 +232,9 @@ class Companion:
             return self.machine.start(time_s)
         if self.machine.state in (FlightState.ARM, *AIRBORNE):
             return Refusal(mavlink.MAV_RESULT_DENIED, "start refused: another mission is being flown")
+        if start_s <= time_s and self.machine.rejoin(time_s):
+            self._begin_mission(start_s)
+            return None
         if not 0.0 <= start_s - time_s <= MAX_START_AHEAD_S:
             return Refusal(
                 mavlink.MAV_RESULT_DENIED,
@@ -237,18 +242,28 @@ class Companion:
             )
         refusal = self.machine.start(time_s)
         if refusal is None:
-            mission = self._scenario.mission
-            self._clock = MissionClock(start_s, mission.step_s)
-            self._schedule = EpochSchedule(
-                self._clock,
-                mission.replan_steps,
-                mission.planning_time_s,
-                mission.planning_lead_s,
-                mission.publishing_time_s,
-            )
-            self.agent = Agent(self._scenario, self.vehicle, self._clock)
-            self._last_step = self._planned_step = -1
+            self._begin_mission(start_s)
         return refusal
+
+    def _rejoin(self, status: PeerStatus, time_s: float) -> None:
+        """Started anew in the air: go on with the mission that a teammate flies, without waiting for the ground."""
+        flies = status.state in (FlightState.HOLD, FlightState.TRACK)
+        start_s = status.mission_start_s
+        if flies and start_s is not None and start_s <= time_s and self.machine.rejoin(time_s):
+            self._begin_mission(start_s)
+
+    def _begin_mission(self, start_s: float) -> None:
+        mission = self._scenario.mission
+        self._clock = MissionClock(start_s, mission.step_s)
+        self._schedule = EpochSchedule(
+            self._clock,
+            mission.replan_steps,
+            mission.planning_time_s,
+            mission.planning_lead_s,
+            mission.publishing_time_s,
+        )
+        self.agent = Agent(self._scenario, self.vehicle, self._clock)
+        self._last_step = self._planned_step = -1
 
     # The clockwork.
 

@@ -131,6 +131,30 @@ class FlightMachine:
         if self.state in (FlightState.ARM, *_COMMANDED):
             self._enter(FlightState.LAND, time_s)
 
+    def rejoin(self, time_s: float) -> bool:
+        """Take up a vehicle that this stack flew before it was started anew; whether that is possible now.
+
+        It is in the air, and either still in the guided mode or in a failsafe that ends when the stream goes on. Its
+        home is the configured one: where it stood when it armed is forgotten.
+        """
+        link, heard = self._link, self._link.heard
+        idle = self.state in (FlightState.WAIT, FlightState.STANDBY)
+        flies = link.alive(time_s) and heard.armed and heard.on_ground is False and link.has_position(time_s)
+        ours = heard.mode == link.behaviour.guided_mode or (heard.failsafe and link.behaviour.returns_from_failsafe)
+        if not (idle and flies and ours):
+            return False
+        self._home = self._vehicle.home_pose
+        self.trajectory = None
+        self._next = None
+        self._paused = False
+        self._height = HeightReference(self._measured_down_m)
+        self._launched_s = time_s  # as after a launch, heartbeats are late
+        self._custody = Custody(link)
+        self._holder = Holder.WE
+        self._say(mavlink.MAV_SEVERITY_NOTICE, f"in the air in {link.mode_name}: taking the vehicle up again")
+        self._enter(FlightState.HOLD, time_s)
+        return True
+
     def pause(self, time_s: float) -> Refusal | None:
         """Hold at the present place."""
         if self.state not in (FlightState.HOLD, FlightState.TRACK):

@@ -115,6 +115,18 @@ def test_start_goes_again_to_who_has_not_taken_it_but_not_after_step_0():
     assert director.update(team(T0 + 8.5, flying(1), vehicle(2))) == []
 
 
+def test_an_onboard_process_that_began_anew_in_the_air_is_told_the_mission_again():
+    director = director_in_flight()
+    forgetful = flying(2, FlightState.WAIT, armed=True)
+    again = director.update(team(T0 + 20.0, flying(1), forgetful))
+    assert asked(again) == [(2, ONBOARD, START)]
+    assert again[0].x == director.start_s
+    assert director.update(team(T0 + 21.0, flying(1), forgetful)) == []
+    assert asked(director.update(team(T0 + 24.5, flying(1), forgetful))) == [(2, ONBOARD, START)]
+    for gone in (vehicle(2, FlightState.WAIT), replace(forgetful, onboard_age_s=9.0), replace(forgetful, armed=False)):
+        assert director.update(team(T0 + 40.0, flying(1), gone)) == []
+
+
 def test_landing_at_the_end_asks_the_onboard_processes_until_they_return():
     director = director_in_flight(duration_s=60.0)
     assert director.time_left_s(T0 + 67.0) == pytest.approx(1.0)
