@@ -256,6 +256,11 @@ _PROCESS = (
         _fault(_C.PROCESS, _T.OFF, _ONE, 3.0),
         _in(_FAILSAFE, *AIR) | _in(Expected(FLIES_IN_THE_END), Phase.GROUND),
     ),
+    Case(
+        "process: killed, starts again after 1 s",
+        _fault(_C.PROCESS, _T.OFF, _ONE, 1.0),
+        _in(replace(_FAILSAFE, reaction=FLIES_IN_THE_END), Phase.TRACKING, Phase.PAUSED),
+    ),
     Case("process: stopped for 0.5 s", _fault(_C.PROCESS, _T.STUCK, _ONE, 0.5), _EVERYWHERE),
     Case(
         "process: stopped for 3 s",
@@ -336,6 +341,7 @@ REPRESENTATIVE: Mapping[Phase, tuple[str, ...]] = MappingProxyType(
             "autopilot: reboots",
             "autopilot link: off for 7 s",
             "process: killed",
+            "process: killed, starts again after 1 s",
             "process: stopped for 3 s",
             "planner: hangs for good",
         ),

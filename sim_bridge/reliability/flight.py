@@ -204,11 +204,22 @@ class Flight:
             self.team.run(SAMPLE_S)
             self._look()
 
-    def start_missing(self) -> None:
-        """Command those to start that still stand ready, while there is time."""
-        for vehicle_id in self._ids:
-            if self.state(vehicle_id) is FlightState.STANDBY and self.now_s < self.start_s - 1.0:
-                self._order_start(vehicle_id)
+    def attend(self, duration_s: float) -> None:
+        """Let time pass while the ground looks after starts, as ``gcs.mission`` does."""
+        end_s = self.now_s + duration_s
+        while self.now_s < end_s - 1e-6:
+            self.run(min(RETRY_S, end_s - self.now_s))
+            for vehicle_id in self._ids:
+                if self._lacks_its_start(vehicle_id):
+                    self._order_start(vehicle_id)
+
+    def _lacks_its_start(self, vehicle_id: int) -> bool:
+        """Ready while there is time to take off, or started anew in the air."""
+        state = self.state(vehicle_id)
+        if self.now_s < self.start_s - 1.0:
+            return math.isfinite(self.start_s) and state is FlightState.STANDBY
+        airborne = not self.team.bridge.world.vehicles[vehicle_id].body.on_ground
+        return airborne and state in (FlightState.WAIT, FlightState.STANDBY)
 
     # Within.
 

@@ -172,7 +172,7 @@ def _by_all(evidence: Evidence, times: Callable[[int], Iterator[float]]) -> floa
 
 
 CARRIES_ON = Reaction("carries on", _carries_on)
-FLIES_IN_THE_END = Reaction("takes off with the others all the same", _flies_in_the_end)
+FLIES_IN_THE_END = Reaction("flies with the others in the end", _flies_in_the_end)
 STAYS_DOWN = Reaction("stays on the ground", _stays_down)
 FAILS_SAFE = Reaction("autopilot fails safe, ground hears it", _fails_safe)
 SAFE_ALONE = Reaction("stands, lands or fails safe by itself, ground hears it", _safe_alone)

@@ -145,15 +145,13 @@ def _watch(flight: Flight, case: Case, phase: Phase, expected: Expected) -> None
         flight.run(1.0)
         flight.start()
     if phase in (Phase.GROUND, Phase.ARMING, Phase.TAKEOFF):
-        while flight.now_s < max(end_s, flight.start_s + 4.0):
-            flight.run(1.0)
-            flight.start_missing()
+        flight.attend(max(end_s, flight.start_s + 4.0) - flight.now_s)
     elif phase is Phase.PAUSED:
-        flight.run(max(length_s, expected.deadline_s) + 0.5)
+        flight.attend(max(length_s, expected.deadline_s) + 0.5)
         flight.resume()
-        flight.run(RECOVERY_S)
+        flight.attend(RECOVERY_S)
     elif phase is Phase.TRACKING:
-        flight.run(enough_s)
+        flight.attend(enough_s)
     else:
         flight.run(max(length_s, expected.deadline_s) + 0.5)
 

@@ -333,6 +333,52 @@ def test_a_failsafe_of_ardupilot_that_lands_is_followed_to_the_ground() -> None:
     assert flight.states[-3:] == [FlightState.TRACK, FlightState.LAND, FlightState.LANDED]
 
 
+def restarted(flight: Flight) -> Flight:
+    """The stack begins anew beside the same vehicle in the air."""
+    family = next(name for name, behaviour in BEHAVIOURS.items() if behaviour is flight.behaviour)
+    anew = Flight(family)
+    anew.position, anew.time_s, anew.mode = list(flight.position), flight.time_s + 2.0, flight.mode
+    anew.armed, anew.failsafe = flight.armed, flight.failsafe
+    return anew
+
+
+def test_a_stack_that_begins_anew_in_the_air_takes_its_vehicle_up_again(flight: Flight) -> None:
+    flight.fly_to(FlightState.TRACK)
+    flight.run(3.0)
+    flight.position[2] = -0.8
+    if flight.behaviour.returns_from_failsafe:
+        flight.mode, flight.failsafe = Px4Mode.POSCTL, True
+    anew = restarted(flight)
+    assert not anew.machine.rejoin(anew.time_s), "nothing is heard yet"
+    anew.run(1.2)
+    assert anew.setpoints == []
+    assert anew.machine.rejoin(anew.time_s)
+    anew.mode, anew.failsafe = anew.behaviour.guided_mode, False
+    anew.run(2.0)
+    assert anew.machine.state is FlightState.HOLD
+    assert anew.position[:2] == pytest.approx(flight.position[:2], abs=0.05), "it holds where it is"
+    assert anew.position[2] == pytest.approx(-1.5, abs=0.15), "and climbs to its layer"
+    anew.plan()
+    anew.until(lambda: anew.machine.state is FlightState.TRACK)
+    assert anew.machine.land(anew.time_s) is None
+    anew.until(lambda: anew.machine.state is FlightState.LANDED)
+    assert anew.position[:2] == pytest.approx([1.0, 2.0], abs=0.3), "at its configured home"
+
+
+@pytest.mark.parametrize("change", [{"armed": False}, {"failsafe": False}, {"position": [1.0, 2.0, 0.0]}])
+def test_a_vehicle_that_somebody_else_flies_or_that_stands_is_not_taken_up(change: dict[str, object]) -> None:
+    flight = Flight("px4")
+    flight.fly_to(FlightState.TRACK)
+    flight.run(3.0)
+    flight.mode, flight.failsafe = Px4Mode.POSCTL, True
+    anew = restarted(flight)
+    for name, value in change.items():
+        setattr(anew, name, value)
+    anew.run(1.2)
+    assert not anew.machine.rejoin(anew.time_s)
+    assert anew.setpoints == []
+
+
 def test_ardupilot_gets_no_setpoint_before_its_takeoff_is_over() -> None:
     """A setpoint on the way up would end the takeoff, and NaN yaw would crash it."""
     flight = Flight("ardupilot")
