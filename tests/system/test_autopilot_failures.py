@@ -18,14 +18,24 @@ AFTER_S = 12.0
 """Since takeoff: plans are being flown by then."""
 
 
-def scenario(family: str, component: Component, kind: FaultType, lasts_s: float | None) -> Scenario:
-    """The lab with one vehicle, and one fault."""
+Spell = tuple[Component, float, float | None]
+"""What is off, since when after the takeoff, and for how long; None is for good."""
+
+
+def scenario(family: str, spells: list[Spell]) -> Scenario:
+    """The lab with one vehicle, and something that is off at times."""
     document: dict[str, Any] = load_scenario(Path("configs/lab.yaml")).model_dump()
     document["vehicles"] = document["vehicles"][:1]
     document["vehicles"][0]["autopilot"] = family
-    until_s = None if lasts_s is None else AFTER_S + lasts_s
-    fault = FaultConfig(component=component, type=kind, from_s=AFTER_S, until_s=until_s)
-    document["simulation"]["faults"] = (fault.model_dump(),)
+    document["simulation"]["faults"] = tuple(
+        FaultConfig(
+            component=component,
+            type=FaultType.OFF,
+            from_s=from_s,
+            until_s=None if lasts_s is None else from_s + lasts_s,
+        ).model_dump()
+        for component, from_s, lasts_s in spells
+    )
     return Scenario.model_validate(document)
 
 
@@ -59,8 +69,8 @@ class Flown:
         return any(text in said for said in self.texts)
 
 
-def fly(family: str, component: Component, kind: FaultType, lasts_s: float | None) -> Flown:
-    team = VirtualTeam(scenario(family, component, kind, lasts_s), seed=1, plan_nodes=50)
+def fly(family: str, *spells: Spell) -> Flown:
+    team = VirtualTeam(scenario(family, list(spells)), seed=1, plan_nodes=50)
     flown = Flown(team)
     team.on_ground_message = flown.hear
     machine = team.companions[1].machine
@@ -74,17 +84,9 @@ def fly(family: str, component: Component, kind: FaultType, lasts_s: float | Non
     return flown
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_motion_capture_that_is_silent_for_two_seconds_changes_nothing(family: str) -> None:
-    flown = fly(family, Component.MOCAP, FaultType.OFF, 2.0)
-    flown.until(FlightState.RELEASED, 8.0)
-    assert flown.states == [FlightState.TRACK]
-    assert not flown.said("failsafe")
-
-
 def test_px4_comes_back_from_its_failsafe_when_motion_capture_does() -> None:
     """4.7 s after the last position; heartbeats, which tell of it, come once a second."""
-    flown = fly("px4", Component.MOCAP, FaultType.OFF, 6.0)
+    flown = fly("px4", (Component.MOCAP, AFTER_S, 6.0))
     flown.until(FlightState.RELEASED, 14.0)
     assert flown.said("autopilot failsafe: ALTCTL")
     assert flown.said("the autopilot follows again")
@@ -93,17 +95,21 @@ def test_px4_comes_back_from_its_failsafe_when_motion_capture_does() -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_without_motion_capture_it_lands_where_it_is(family: str) -> None:
-    flown = fly(family, Component.MOCAP, FaultType.OFF, None)
+def test_two_seconds_without_motion_capture_change_nothing_and_for_good_it_lands_where_it_is(family: str) -> None:
+    flown = fly(family, (Component.MOCAP, AFTER_S, 2.0), (Component.MOCAP, AFTER_S + 6.0, None))
+    flown.until(FlightState.RELEASED, 5.0)
+    assert flown.states == [FlightState.TRACK]
+    assert not flown.said("failsafe")
     flown.until(FlightState.LANDED, 40.0)
-    assert flown.said({"px4": "failsafe: ALTCTL; landing here", "ardupilot": "failsafe: LAND; landing here"}[family])
-    assert flown.states[-2:] == [FlightState.LAND, FlightState.LANDED]
+    assert flown.said({"px4": "autopilot failsafe: ALTCTL", "ardupilot": "failsafe: LAND; landing here"}[family])
+    assert flown.said("-> LAND")
+    assert flown.states[-1] is FlightState.LANDED
     assert not flown.team.companions[1].autopilot.heard.armed
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_an_autopilot_that_reboots_in_flight_is_let_go_and_ready_again_on_the_ground(family: str) -> None:
-    flown = fly(family, Component.AUTOPILOT, FaultType.OFF, 1.0)
+    flown = fly(family, (Component.AUTOPILOT, AFTER_S, 1.0))
     flown.until(FlightState.STANDBY, 70.0)
     assert flown.said("autopilot rebooted")
     assert flown.said("somebody else took the vehicle")
