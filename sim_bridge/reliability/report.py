@@ -28,9 +28,9 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     separations = [outcome.separation_m for outcome in outcomes if outcome.separation_m is not None]
     near = sum(1 for separation in separations if separation < SEPARATION_M)
     faults, phases = {outcome.case for outcome in outcomes}, {outcome.phase for outcome in outcomes}
-    seeds = ", ".join(map(str, sorted({outcome.seed for outcome in outcomes})))
+    seeds = len({outcome.seed for outcome in outcomes})
     return (
-        f"{len(outcomes)} flights ({len(faults)} faults, {len(phases)} phases, seeds {seeds}): "
+        f"{len(outcomes)} flights ({len(faults)} faults, {len(phases)} phases, {seeds} seeds): "
         f"{len(outcomes) - bad - gaps} as expected, "
         f"{gaps} in known gaps, {bad} against expectations; separation below {SEPARATION_M:g} m in {near}, "
         f"least {min(separations, default=float('nan')):.2f} m."

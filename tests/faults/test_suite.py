@@ -152,7 +152,7 @@ def test_the_table_counts_what_happened_and_hides_nothing(tmp_path):
         outcome("battery: low", ("not seen",), "the battery is not watched"),
     ]
     text = markdown(outcomes)
-    assert "4 flights (3 faults, 1 phases, seeds 1): 2 as expected, 1 in known gaps, 1 against expectations" in text
+    assert "4 flights (3 faults, 1 phases, 1 seeds): 2 as expected, 1 in known gaps, 1 against expectations" in text
     assert "separation below 0.5 m in 1, least 0.31 m" in text
     (row,) = [line for line in text.splitlines() if line.startswith("| process: killed |")]
     assert "| 2 | 2 | autopilot fails safe, ground hears it" in row
