@@ -7,7 +7,9 @@ from typing import Protocol
 
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.ardupilot_modes import CopterMode
+from sim_bridge.autopilot.ardupilot.modes import LISTED_MODES
 from sim_bridge.autopilot.ardupilot.streams import MIN_INTERVAL_US
+from sim_bridge.autopilot.core.available_modes import AVAILABLE_MODES, available_mode
 from sim_bridge.autopilot.core.commands import FORCE, Command, Handler, integer
 from sim_bridge.autopilot.core.outbox import Outbox
 from sim_bridge.autopilot.core.streams import StreamSchedule
@@ -116,7 +118,14 @@ class CopterCommands:
         return _ACCEPTED if self._actions.reboot() else _FAILED
 
     def _request_message(self, command: Command) -> int:
-        return _ACCEPTED if self._actions.send_requested(command.link, integer(command.parameters[0])) else _FAILED
+        message_id, index = integer(command.parameters[0]), integer(command.parameters[1], 0)
+        if message_id == AVAILABLE_MODES:
+            # As recorded: 0, which asks for all of them, brings the first alone.
+            mode = available_mode(LISTED_MODES, max(index, 1))
+            if mode is not None:
+                self._outbox.send(command.link, mode)
+            return _ACCEPTED
+        return _ACCEPTED if self._actions.send_requested(command.link, message_id) else _FAILED
 
     def _set_message_interval(self, command: Command) -> int:
         message_id, interval_us = integer(command.parameters[0]), command.parameters[1]

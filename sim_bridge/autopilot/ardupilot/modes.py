@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from onboard.protocol.ardupilot_modes import CopterMode
+from sim_bridge.autopilot.core.available_modes import AvailableMode
 
-__all__ = ["SINKS_WITHOUT_STICKS", "base_mode", "is_armable", "is_known", "needs_position"]
+__all__ = ["LISTED_MODES", "SINKS_WITHOUT_STICKS", "base_mode", "is_armable", "is_known", "needs_position"]
 
 SINKS_WITHOUT_STICKS = frozenset(
     {
@@ -24,7 +25,38 @@ SINKS_WITHOUT_STICKS = frozenset(
 )
 """Modes that a pilot flies. There is no remote control here: in the air they sink."""
 
-_NOT_BUILT = frozenset({CopterMode.AUTOROTATE, CopterMode.TURTLE, CopterMode.SYSTEMID})
+LISTED_MODES = tuple(
+    AvailableMode(mode, mode.name.replace("AUTO_RTL", "AUTO RTL").replace("SMART_RTL", "SMARTRTL"))
+    for mode in (
+        CopterMode.AUTO_RTL,
+        CopterMode.AUTO,
+        CopterMode.ACRO,
+        CopterMode.STABILIZE,
+        CopterMode.ALT_HOLD,
+        CopterMode.CIRCLE,
+        CopterMode.LOITER,
+        CopterMode.GUIDED,
+        CopterMode.LAND,
+        CopterMode.RTL,
+        CopterMode.DRIFT,
+        CopterMode.SPORT,
+        CopterMode.FLIP,
+        CopterMode.AUTOTUNE,
+        CopterMode.POSHOLD,
+        CopterMode.BRAKE,
+        CopterMode.THROW,
+        CopterMode.AVOID_ADSB,
+        CopterMode.GUIDED_NOGPS,
+        CopterMode.SMART_RTL,
+        CopterMode.FLOWHOLD,
+        CopterMode.FOLLOW,
+        CopterMode.ZIGZAG,
+        CopterMode.SYSTEMID,
+    )
+)
+"""The modes of a multirotor in SITL, in ArduPilot's order."""
+
+_KNOWN = frozenset(mode.custom_mode for mode in LISTED_MODES)
 _NOT_ARMABLE = frozenset(
     {CopterMode.LAND, CopterMode.RTL, CopterMode.SMART_RTL, CopterMode.BRAKE, CopterMode.CIRCLE, CopterMode.AUTO_RTL}
 )
@@ -36,7 +68,7 @@ _AUTOPILOT_BASE_MODE = 89
 
 def is_known(custom_mode: int) -> bool:
     """Whether a vehicle has this mode."""
-    return custom_mode in CopterMode.__members__.values() and CopterMode(custom_mode) not in _NOT_BUILT
+    return custom_mode in _KNOWN
 
 
 def needs_position(mode: CopterMode) -> bool:

@@ -28,6 +28,7 @@ from sim_bridge.autopilot.core.streams import StreamSchedule
 from sim_bridge.autopilot.links import LINKS, LinkName
 from sim_bridge.autopilot.px4.commander import Commander
 from sim_bridge.autopilot.px4.commands import Px4Commands
+from sim_bridge.autopilot.px4.component_telemetry import ComponentTelemetry
 from sim_bridge.autopilot.px4.events import EventLog
 from sim_bridge.autopilot.px4.flight_tasks import FlightTasks
 from sim_bridge.autopilot.px4.modes import Health
@@ -125,8 +126,10 @@ class Px4:
         self._land_detector = LandDetector(parameters)
         self._tasks = FlightTasks(parameters, platform.estimator, self._offboard)
         self._control = PositionControl(parameters, platform.estimator, vehicle)
+        self._component = ComponentTelemetry(platform.clock, self.commander)
         self._builders = {
             **StatusTelemetry(platform, home_has_heading=True).builders,
+            **self._component.builders,
             **MotionTelemetry(platform).builders,
             **Px4Telemetry(platform, self).builders,
         }
@@ -227,6 +230,13 @@ class Px4:
             return False
         self.platform.outbox.send(link, message)
         return True
+
+    def send_available_modes(self, link: LinkName, index: int) -> bool:
+        """Queue AVAILABLE_MODES, all of them for 0; False if there is no such mode."""
+        messages = self._component.available_modes(index)
+        for message in messages:
+            self.platform.outbox.send(link, message)
+        return bool(messages)
 
     def request_mode(self, mode: Px4Mode) -> bool:
         """Change the mode if PX4 would."""

@@ -8,10 +8,12 @@ from typing import Protocol
 
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.px4_modes import Px4Mode
+from sim_bridge.autopilot.core.available_modes import AVAILABLE_MODES
 from sim_bridge.autopilot.core.commands import FORCE, Command, Handler, integer
 from sim_bridge.autopilot.core.outbox import Outbox
 from sim_bridge.autopilot.core.streams import StreamSchedule
 from sim_bridge.autopilot.links import LinkName
+from sim_bridge.autopilot.px4.component_telemetry import PROTOCOL_VERSION
 
 __all__ = ["CommandActions", "Px4Commands"]
 
@@ -48,6 +50,9 @@ class CommandActions(Protocol):
     def send_requested(self, link: LinkName, message_id: int) -> bool:
         """Queue one message of a kind; False if there is none now."""
 
+    def send_available_modes(self, link: LinkName, index: int) -> bool:
+        """Queue AVAILABLE_MODES, all of them for 0; False if there is no such mode."""
+
 
 class Px4Commands:
     """The commands' handlers.
@@ -78,6 +83,7 @@ class Px4Commands:
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_message_interval,
             mavlink.MAV_CMD_GET_HOME_POSITION: self._get_home_position,
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_capabilities,
+            mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._request_protocol_version,
             mavlink.MAV_CMD_EXTERNAL_POSITION_ESTIMATE: lambda _: None,  # taken, and never acknowledged
         }
 
@@ -134,8 +140,16 @@ class Px4Commands:
         return _ACCEPTED if self._actions.reboot() else _REJECTED
 
     def _request_message(self, command: Command) -> int:
-        sent = self._actions.send_requested(command.link, integer(command.parameters[0]))
+        message_id = integer(command.parameters[0])
+        if message_id == AVAILABLE_MODES:
+            sent = self._actions.send_available_modes(command.link, integer(command.parameters[1], 0))
+        else:
+            sent = self._actions.send_requested(command.link, message_id)
         return _ACCEPTED if sent else _DENIED
+
+    def _request_protocol_version(self, command: Command) -> int:
+        self._actions.send_requested(command.link, PROTOCOL_VERSION)
+        return _ACCEPTED
 
     def _set_message_interval(self, command: Command) -> int:
         message_id, interval_us = integer(command.parameters[0]), command.parameters[1]

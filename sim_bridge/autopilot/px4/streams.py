@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from onboard.protocol import dialect as mavlink
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
+from sim_bridge.autopilot.px4.component_telemetry import CURRENT_MODE
 
 __all__ = ["DEFAULT_RATES_HZ"]
 
@@ -33,6 +34,7 @@ DEFAULT_RATES_HZ: Mapping[LinkName, Mapping[int, float]] = {
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
         mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
         mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+        CURRENT_MODE: 0.5,
     },
     GCS: {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
@@ -50,6 +52,7 @@ DEFAULT_RATES_HZ: Mapping[LinkName, Mapping[int, float]] = {
         mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
         mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
         mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+        CURRENT_MODE: 0.5,
         mavlink.MAVLINK_MSG_ID_PING: 0.1,
     },
 }

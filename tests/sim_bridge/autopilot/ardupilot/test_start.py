@@ -201,3 +201,22 @@ def test_parameters_travel_by_value_and_in_batches(copter_bench):
     values = flight.messages("PARAM_VALUE")
     assert [value.param_index for value in values] == list(range(values[0].param_count))
     assert values[0].param_id == "FORMAT_VERSION"
+
+
+@pytest.mark.parametrize(
+    ("index", "recorded"),
+    [
+        (0, "fd13000097 0101b30100 1b000000 00000000 180100 4155544f2052544c 9f21"),
+        (2, "fd0f0000f4 0101b30100 03000000 00000000 180200 4155544f 60e6"),
+        (4, "fd14000095 0101b30100 00000000 00000000 180400 535441 42494c495a45 1066"),
+    ],
+)
+def test_available_modes_are_byte_for_byte_those_recorded(copter_bench, index, recorded):
+    flight, frame = copter_bench(), bytes.fromhex(recorded.replace(" ", ""))
+    flight.run(3.0)
+    assert flight.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 435, index) == ACCEPTED
+    (message,) = flight.messages("AVAILABLE_MODES")
+    codec = Codec(1, 1)
+    for _ in range(frame[4]):  # so that the sequence number is the recorded one
+        codec.encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 0, 3))
+    assert codec.encode(message) == frame
