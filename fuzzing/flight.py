@@ -169,10 +169,14 @@ class FuzzedFlight:
         )
 
     def _status(self) -> mavlink.MAVLink_planner_status_message:
-        fields: dict[str, Any] = dict.fromkeys(mavlink.MAVLink_planner_status_message.fieldnames, 0)
+        kind = mavlink.MAVLink_planner_status_message
+        fields: dict[str, Any] = {
+            name: [0] * length if length else 0
+            for name, length in zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
+        }
         fields |= {"time_usec": self._usec(), "mission_start_usec": round(1e6 * START_S), "north": 2.0, "east": 6.0}
         fields |= {"down": -1.7, "state": 5, "group_size": 2, "neighbours": [1] + [0] * 31}
-        return mavlink.MAVLink_planner_status_message(**fields)
+        return kind(**fields)
 
     def _detection(self) -> mavlink.MAVLink_target_detection_message:
         return mavlink.MAVLink_target_detection_message(round(1e6 * self._time_s), 0.5, 0.3, 1)
