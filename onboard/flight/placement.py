@@ -53,7 +53,9 @@ class Placement:
     def seek(self, system_id: int, component: int, time_s: float) -> mavlink.MAVLink_message | None:
         """What to send, if anything, until the autopilot knows its origin and has told it.
 
-        Without GPS no autopilot knows where on Earth it is, and some do not arm before they are told.
+        Without GPS no autopilot knows where on Earth it is, and some do not arm before they are told. Its altitude is
+        told as 0 whatever it is: PX4 takes heights of motion capture for altitudes above the sea, so any other origin
+        moves its local frame by as much once motion capture begins anew.
         """
         if self._has_origin or time_s - self._asked_s < RETRY_S:
             return None
@@ -72,5 +74,5 @@ class Placement:
             system_id,
             round(self._origin.latitude_deg * 1e7),
             round(self._origin.longitude_deg * 1e7),
-            round(self._origin.altitude_m * 1e3),
+            0,
         )
