@@ -118,7 +118,10 @@ def test_check_shows_the_right_and_names_the_wrong(broken, hardware):
     ("change", "mistake"),
     [
         (("count: 5", "count: 500"), "simulation.ground_robots: 500 robots"),
-        (("  parameters:\n", "  parameters:\n    FOO_BAR: 3\n"), "simulation.parameters.FOO_BAR: neither PX4 nor ArduPilot has such"),
+        (
+            ("  parameters:\n", "  parameters:\n    FOO_BAR: 3\n"),
+            "simulation.parameters.FOO_BAR: neither PX4 nor ArduPilot has such",
+        ),
     ],
 )
 @pytest.mark.parametrize("command", ["check", "fly"])
