@@ -11,7 +11,7 @@ import numpy as np
 
 from onboard.config import Scenario
 from onboard.config.faults import Component, FaultConfig, FaultType
-from sim_bridge.reliability.flight import Flight, suite_scenario
+from sim_bridge.reliability.flight import Flight
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.verdict import squared_errors
 
@@ -174,7 +174,7 @@ def _partition_table(partitions: Sequence[tuple[str, PartitionResult]]) -> list[
 
 
 def _tracking(lab: Scenario, seed: int, *faults: FaultConfig) -> Flight:
-    flight = Flight(suite_scenario(lab), seed)
+    flight = Flight(lab, seed)
     flight.inject(*faults)
     flight.fly_to(Phase.TRACKING)
     return flight

@@ -17,7 +17,7 @@ from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.virtual_team import GroundMessage, VirtualTeam
 
-__all__ = ["Flight", "Heartbeat", "NotReachedError", "Said", "Sample", "suite_scenario"]
+__all__ = ["Flight", "Heartbeat", "NotReachedError", "Said", "Sample"]
 
 VICTIM = 2
 """The vehicle that faults of one vehicle happen to: the one between the others."""
@@ -99,13 +99,6 @@ class Sample:
     time_s: float
     states: dict[int, FlightState | None]
     positions: dict[int, tuple[float, float, float]]
-
-
-def suite_scenario(lab: Scenario) -> Scenario:
-    """The scenario as the suite flies it: physics at 100 Hz, the rate at which its autopilots still fly as at 200."""
-    if lab.simulation is None:
-        raise ValueError(f"scenario {lab.name} has no section simulation")
-    return lab.model_copy(update={"simulation": lab.simulation.model_copy(update={"physics_rate_hz": 100.0})})
 
 
 class Flight:

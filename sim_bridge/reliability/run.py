@@ -21,7 +21,7 @@ from multiprocessing.sharedctypes import Synchronized
 from onboard.config import Scenario
 from onboard.planning.warmup import warm_kernels
 from sim_bridge.reliability.cases import ANYTIME, CASES, REPRESENTATIVE, Case
-from sim_bridge.reliability.flight import Flight, NotReachedError, suite_scenario
+from sim_bridge.reliability.flight import Flight, NotReachedError
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.verdict import Outcome, judge
 
@@ -115,8 +115,7 @@ def _work(lab: Scenario, todo: Sequence[Batch], taken: Synchronized[int], outcom
 
 def fly_batch(lab: Scenario, batch: Batch) -> Iterator[Outcome]:
     """Fly one batch; a flight that crashes or hangs fails without harming the others."""
-    scenario = suite_scenario(lab)
-    flight = Flight(scenario, batch.seed)
+    flight = Flight(lab, batch.seed)
     try:
         flight.fly_to(batch.phase)
     except NotReachedError as error:
@@ -125,7 +124,7 @@ def fly_batch(lab: Scenario, batch: Batch) -> Iterator[Outcome]:
     if batch.later_s > 0.0:
         flight.run(batch.later_s)
     for case in batch.cases:
-        yield _in_child(flight, scenario, case, batch)
+        yield _in_child(flight, lab, case, batch)
 
 
 def _in_child(flight: Flight, scenario: Scenario, case: Case, batch: Batch) -> Outcome:

@@ -12,7 +12,7 @@ from onboard.config import load_scenario
 from onboard.config.faults import Component, FaultConfig, FaultType
 from onboard.messages import FlightState
 from sim_bridge.reliability.cases import ANYTIME, CASES, REPRESENTATIVE, Case, Expected, Gap
-from sim_bridge.reliability.flight import Flight, Heartbeat, Said, Sample, suite_scenario
+from sim_bridge.reliability.flight import Flight, Heartbeat, Said, Sample
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.reactions import CARRIES_ON, FAILS_SAFE, HOLDS, LANDS, Evidence, all_of, disturbance, says
 from sim_bridge.reliability.report import BEGIN, END, markdown, write_into
@@ -61,7 +61,7 @@ def case(expected, kind=FaultType.OFF, component=Component.PROCESS):
 
 def flown(expected):
     """A short flight: vehicle 2's process is killed on the ground, and the others fly."""
-    scenario = suite_scenario(load_scenario(ROOT / "configs" / "lab.yaml"))
+    scenario = load_scenario(ROOT / "configs" / "lab.yaml")
     flight = Flight(scenario, 1)
     flight.fly_to(Phase.GROUND)
     return judge(flight, scenario, case(expected), Phase.GROUND, 1)
