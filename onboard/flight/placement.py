@@ -10,6 +10,10 @@ from onboard.protocol import dialect as mavlink
 
 __all__ = ["Placement"]
 
+_INDOOR_ALTITUDE_MM = 10
+"""Told for any origin without GPS. PX4 takes heights of motion capture for altitudes above the sea, so another altitude
+would move its local frame by as much once motion capture begins anew; ArduPilot takes 0 for none and starts its heights
+anew every second."""
 RETRY_S = 2.0
 
 
@@ -53,9 +57,7 @@ class Placement:
     def seek(self, system_id: int, component: int, time_s: float) -> mavlink.MAVLink_message | None:
         """What to send, if anything, until the autopilot knows its origin and has told it.
 
-        Without GPS no autopilot knows where on Earth it is, and some do not arm before they are told. Its altitude is
-        told as 0 whatever it is: PX4 takes heights of motion capture for altitudes above the sea, so any other origin
-        moves its local frame by as much once motion capture begins anew.
+        Without GPS no autopilot knows where on Earth it is, and some do not arm before they are told.
         """
         if self._has_origin or time_s - self._asked_s < RETRY_S:
             return None
@@ -74,5 +76,5 @@ class Placement:
             system_id,
             round(self._origin.latitude_deg * 1e7),
             round(self._origin.longitude_deg * 1e7),
-            0,
+            _INDOOR_ALTITUDE_MM,
         )

@@ -178,7 +178,7 @@ def build_external(scenario: Scenario, vehicle: VehicleConfig, time_s: float) ->
     source: Source
     match external.pose:
         case "truth":
-            home = HomeFrame(vehicle.home, vehicle.home_pose.yaw_rad) if indoors else None
+            home = HomeFrame(vehicle.home) if indoors else None
             source = SimulatorTruth(vehicle.autopilot, origin, home)
         case "mocap":
             source = MocapPoses()

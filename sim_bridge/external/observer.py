@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from onboard.geometry import wrap_angle
 from sim_bridge.truth import VehicleTruth
 
-__all__ = ["Observer", "Reading"]
+__all__ = ["Observer", "Reading", "Triple"]
 
 Triple = tuple[float, float, float]
+"""North, east, down."""
 
 _TIME_CONSTANT_S = 0.2
 _JUMP_M = 0.3

@@ -8,13 +8,14 @@ mission's, GLOBAL_POSITION_INT outdoors.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Protocol
 
 from onboard.config.simulation import OriginConfig
 from onboard.flight.frame import offset_m
 from onboard.geometry import wrap_angle
 from onboard.protocol import dialect as mavlink
-from sim_bridge.external.observer import Reading
+from sim_bridge.external.observer import Reading, Triple
 from sim_bridge.mocap.pose import MocapPose
 
 __all__ = ["GlobalEstimate", "HomeFrame", "LocalEstimate", "MocapPoses", "SimulatorTruth", "Source"]
@@ -48,41 +49,28 @@ class HomeFrame:
     """Moves the place where a simulator put its vehicle to the vehicle's home in the mission frame.
 
     Simulators start their vehicles where they please, all at one place; in the mission each stands on its own launch
-    pad. The place is taken once the vehicle has stood still for a moment, and then kept.
+    pad. The place is taken once the vehicle has stood still for a moment, and then kept. North stays north: a heading
+    that jumped between two flights would upset the autopilot's estimator for half a minute.
 
     Args:
         home: North m, east m of the launch pad; its height is 0.
-        yaw_rad: Heading on it, rad.
     """
 
-    def __init__(self, home: tuple[float, float], yaw_rad: float) -> None:
+    def __init__(self, home: tuple[float, float]) -> None:
         self._home = home
-        self._yaw_rad = yaw_rad
         self._still = 0
-        self._start: Reading | None = None
+        self._offset: Triple | None = None
 
     def __call__(self, reading: Reading) -> Reading | None:
         """The reading in the mission frame; None until the vehicle has stood still."""
-        if self._start is None:
+        if self._offset is None:
             self._still = self._still + 1 if reading.speed_m_s < _STILL_M_S else 0
             if self._still < _STILL_READINGS:
                 return None
-            self._start = reading
-        start = self._start
-        turn = self._yaw_rad - start.yaw_rad
-        cos, sin = math.cos(turn), math.sin(turn)
-        north, east, down = (now - then for now, then in zip(reading.position, start.position, strict=True))
-        velocity_north, velocity_east, velocity_down = reading.velocity
-        return Reading(
-            (self._home[0] + cos * north - sin * east, self._home[1] + sin * north + cos * east, down),
-            (
-                cos * velocity_north - sin * velocity_east,
-                sin * velocity_north + cos * velocity_east,
-                velocity_down,
-            ),
-            wrap_angle(reading.yaw_rad + turn),
-            reading.yaw_rate_rad_s,
-        )
+            north, east, down = reading.position
+            self._offset = (self._home[0] - north, self._home[1] - east, -down)
+        north, east, down = (value + move for value, move in zip(reading.position, self._offset, strict=True))
+        return replace(reading, position=(north, east, down))
 
 
 class SimulatorTruth:

@@ -143,15 +143,18 @@ class Commander:
         self.mode = fallback
 
     def _fallback(self, health: Health) -> Px4Mode | None:
-        """What replaces a mode that cannot run; None disarms."""
-        if not health.local_position:
-            return Px4Mode.ALTCTL
+        """What replaces a mode that cannot run; None disarms.
+
+        OFFBOARD without a position counts as a lost stream, so COM_OBL_RC_ACT decides there, too.
+        """
         if self.intended is not Px4Mode.OFFBOARD:
-            return Px4Mode.LAND
+            return Px4Mode.LAND if health.local_position else Px4Mode.ALTCTL
         action = self._parameters["COM_OBL_RC_ACT"]
         if action == _DISARM_ACTION:
             return None
         mode = _LOSS_ACTIONS.get(int(action), Px4Mode.POSCTL)
+        if mode is Px4Mode.POSCTL and not health.local_position:
+            return Px4Mode.ALTCTL
         if mode in (Px4Mode.RTL, Px4Mode.LOITER) and not can_run(mode, health):
             return Px4Mode.LAND
         return mode

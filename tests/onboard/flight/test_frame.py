@@ -102,7 +102,7 @@ def test_with_motion_capture_the_local_frame_is_the_missions_and_the_autopilot_i
     assert pose is not None
     assert (pose.north_m, pose.east_m) == (2.0, 3.0)
     told = [m for m in heard.sent() if m.get_type() == "SET_GPS_GLOBAL_ORIGIN"]
-    assert {(m.latitude, m.longitude, m.altitude) for m in told} == {(473977420, 85455940, 0)}
+    assert {(m.latitude, m.longitude, m.altitude) for m in told} == {(473977420, 85455940, 10)}
     heard.say(mavlink.MAVLink_gps_global_origin_message(1, 2, 3))
     assert [m for m in heard.sent() if m.get_type() == "SET_GPS_GLOBAL_ORIGIN"] == []
     assert heard.link.pose() == pose

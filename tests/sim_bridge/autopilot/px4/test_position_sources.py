@@ -65,8 +65,10 @@ def test_two_seconds_of_silence_are_flown_through(hovering):
     assert error_m(hovering) < 0.05
 
 
-def test_longer_silence_fails_safe_and_recovers_by_itself(hovering):
-    """ALTCTL 4.7 s after the last position; OFFBOARD again once positions are back."""
+@pytest.mark.parametrize(("action", "mode"), [(0, "ALTCTL"), (4, "LAND")])
+def test_longer_silence_fails_safe_and_recovers_by_itself(hovering, action, mode):
+    """4.7 s after the last position COM_OBL_RC_ACT decides; OFFBOARD again once positions are back."""
+    hovering.autopilot.parameters.change("COM_OBL_RC_ACT", action)
     hovering.fly_offboard(hovering.setpoint(), 1.0)
     hovering.mocap = False
     silent_s = 0.0
@@ -75,7 +77,7 @@ def test_longer_silence_fails_safe_and_recovers_by_itself(hovering):
         silent_s += 0.02
         assert silent_s < 6.0
     assert silent_s == pytest.approx(4.7, abs=0.15)
-    assert hovering.autopilot.mode is Px4Mode.ALTCTL
+    assert hovering.autopilot.mode is Px4Mode[mode]
     hovering.mocap = True
     hovering.run(0.3, hovering.setpoint())
     assert hovering.autopilot.mode is Px4Mode.OFFBOARD
