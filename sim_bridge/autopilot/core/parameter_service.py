@@ -22,7 +22,8 @@ class ParameterRhythm:
         period_us: Lists go out in batches with this period, µs.
         batch: Values in a batch.
         reads_wait: Whether an answer to a read waits for the next batch, too, instead of going out at once.
-        index_in_answers: Whether answers to reads and sets tell the place in the list.
+        index_in_answers: Whether answers to reads by name and to sets tell the place in the list; those to reads by
+            index always do.
     """
 
     period_us: int
@@ -59,7 +60,7 @@ class ParameterService:
         self._is_for_us = is_for_us
         self._extra = extra or {}
         self._lists: dict[LinkName, list[str]] = {}
-        self._reads: list[tuple[LinkName, str]] = []
+        self._reads: list[tuple[LinkName, mavlink.MAVLink_param_value_message]] = []
         self._next_us = 0
         self.handlers: dict[int, Callable[[Any, LinkName], None]] = {
             mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: self._on_read,
@@ -73,8 +74,8 @@ class ParameterService:
             return
         period_us = self._rhythm.period_us
         self._next_us = (now_us // period_us + 1) * period_us
-        for link, name in self._reads:
-            self._outbox.send(link, self._answer(name))
+        for link, answer in self._reads:
+            self._outbox.send(link, answer)
         self._reads.clear()
         for link, names in list(self._lists.items()):
             for _ in range(min(self._rhythm.batch, len(names))):
@@ -83,10 +84,10 @@ class ParameterService:
             if not names:
                 del self._lists[link]
 
-    def _answer(self, name: str) -> mavlink.MAVLink_param_value_message:
+    def _answer(self, name: str, *, by_index: bool = False) -> mavlink.MAVLink_param_value_message:
         if name in self._extra:
             return self._extra[name]()
-        return self._parameters.message(name, listed=self._rhythm.index_in_answers)
+        return self._parameters.message(name, listed=by_index or self._rhythm.index_in_answers)
 
     def _on_read(self, message: mavlink.MAVLink_param_request_read_message, link: LinkName) -> None:
         """PARAM_REQUEST_READ: by name if the index is −1."""
@@ -96,10 +97,11 @@ class ParameterService:
         name = message.param_id if index < 0 else self._parameters.name_at(index)
         if name is None or (name not in self._parameters and name not in self._extra):
             return
+        answer = self._answer(name, by_index=index >= 0)
         if self._rhythm.reads_wait:
-            self._reads.append((link, name))
+            self._reads.append((link, answer))
         else:
-            self._outbox.send(link, self._answer(name))
+            self._outbox.send(link, answer)
 
     def _on_list(self, message: mavlink.MAVLink_param_request_list_message, link: LinkName) -> None:
         if self._is_for_us(message.target_system, message.target_component):

@@ -189,6 +189,10 @@ def test_parameters_travel_by_value_and_in_batches(copter_bench):
     (value,) = flight.messages("PARAM_VALUE")
     assert (value.param_value, value.param_type, value.param_index) == (10.0, mavlink.MAV_PARAM_TYPE_INT8, 0xFFFF)
     flight.sent.clear()
+    flight.send(mavlink.MAVLink_param_request_read_message(3, 1, b"", 7))
+    flight.run(0.1)
+    assert flight.messages("PARAM_VALUE")[0].param_index == 7
+    flight.sent.clear()
     flight.send(mavlink.MAVLink_param_set_message(3, 1, b"GUID_TIMEOUT", 1.5, mavlink.MAV_PARAM_TYPE_REAL32))
     flight.send(mavlink.MAVLink_param_set_message(3, 1, b"GUID_TIMEOUT", float("nan"), mavlink.MAV_PARAM_TYPE_REAL32))
     flight.send(mavlink.MAVLink_param_set_message(3, 1, b"NO_SUCH", 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
