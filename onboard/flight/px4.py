@@ -66,8 +66,13 @@ class Px4:
         return custom_mode in _NEEDS_STICKS
 
     def lacks(self, telemetry: Telemetry) -> str:
-        """The health bit speaks of the mode that is active; OFFBOARD needs no more than that."""
-        return "" if telemetry.prearm_ok else "its pre-arm checks fail"
+        """The health bit speaks of the mode that is active.
+
+        OFFBOARD needs no more than the mode that PX4 starts in. Where OFFBOARD is active itself, as after a flight, the
+        bit is off because nobody streams yet, and tells nothing; arming will.
+        """
+        ready = telemetry.prearm_ok or telemetry.mode == Px4Mode.OFFBOARD
+        return "" if ready else "its pre-arm checks fail"
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
         """What its parameters must be for a plan."""
