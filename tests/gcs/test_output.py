@@ -32,14 +32,19 @@ def test_a_standing_stream_is_passed_through():
 
 def test_a_station_whose_reader_has_gone_still_stops_in_order(own_ports):
     process = subprocess.Popen(
-        [sys.executable, "-m", "gcs", "gcs", own_ports, "--headless"],
+        [sys.executable, "-m", "gcs", "gcs", own_ports, "--headless", "--no-record"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    with process:
+    try:
         assert "watching" in process.stdout.readline()
         process.stdout.close()
         process.send_signal(2)
-        assert process.wait(10.0) == 0
+        assert process.wait(30.0) == 0
         assert process.stderr.read() == ""
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        process.stderr.close()
