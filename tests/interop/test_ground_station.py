@@ -211,7 +211,7 @@ async def test_a_shell_commands_and_watches_beside_the_station(config, bridge):
         done = await asyncio.to_thread(arvi, "command", config, "land", "--vehicle", 2, "--yes")
         assert done.returncode == 0, done.stdout + done.stderr
         assert re.search(r"vehicle 2 +land \(autopilot, (MAVSDK|directly)\) +acknowledged", done.stdout)
-        assert mode(station, 2) == "LAND"
+        await until(lambda: mode(station, 2) == "LAND")  # it shows in the next heartbeat
         assert mode(station, 1) == "LOITER"
         done = await asyncio.to_thread(arvi, "command", config, "pause", "--vehicle", 1, "--yes")
         assert done.returncode == 1, "there is no onboard process"
