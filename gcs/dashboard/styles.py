@@ -60,7 +60,7 @@ BUTTONS = """
 .bk-btn-success { background: #00775a; border-color: #00775a; color: #fff; }
 .bk-btn-warning { background: #8a5f00; border-color: #8a5f00; color: #fff; }
 .bk-btn-danger { background: #b3261e; border-color: #b3261e; color: #fff; }
-.bk-btn-default { background: var(--input); border-color: var(--line); color: var(--ink); }
+.bk-btn-default, .bk-btn-default:hover { background: var(--input); border-color: var(--line); color: var(--ink); }
 .bk-btn[disabled] { opacity: 0.45; }
 .bk-input, select.bk-input, input.bk-input {
   background-color: var(--input); color: var(--ink); border: 1px solid var(--line); height: 27px; min-height: 27px;

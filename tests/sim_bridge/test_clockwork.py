@@ -41,6 +41,11 @@ def test_what_the_streams_mean_is_frozen():
         "LOCKSTEP_RADIO": 8,
         "LOCKSTEP_START": 9,
         "PLANNER": 10,
+        "RADIO_FAULTS": 11,
+        "DETECTOR_FAULTS": 12,
+        "MOCAP_FAULTS": 13,
+        "LINK_FAULTS": 14,
+        "COMPUTER_FAULTS": 15,
     }
 
 
