@@ -101,6 +101,7 @@ async def test_vehicles_fly_on_without_the_ground_station_and_obey_the_next(conf
     ticking = asyncio.create_task(second.run())
     try:
         await until(lambda: all_track(second), 5.0)
+        await until(lambda: all(vehicle.mode is not None for vehicle in vehicles(second)), 5.0)
         for vehicle in vehicles(second):
             assert vehicle.plans >= plans[vehicle.id] + 5, "it has planned all the while"
             assert vehicle.mode == "OFFBOARD"
