@@ -21,6 +21,7 @@ class GuardConfig(Section):
     fence_margin_m: NonNegative = Field(default=0.15, description="beyond the fence, which plans may touch")
     brake_m_s2: Positive = Field(default=1.5, description="how hard the vehicle brakes")
     reaction_s: NonNegative = Field(default=0.3, description="until it begins to")
+    peer_delay_s: NonNegative = Field(default=0.2, description="later reaction to a peer, whose word takes time")
     retreat_m_s: Positive = Field(default=0.5, description="fastest way back from where it must not be")
     retreat_gain_per_s: Positive = 2.0
     silence_s: Positive = Field(default=5.0, description="how long a peer that fell silent is still kept off")

@@ -59,11 +59,17 @@ class Obstruction:
     distance_m: float
 
 
-def approach_speed_m_s(gap_m: float, config: GuardConfig) -> float:
-    """The fastest speed from which the vehicle stops within a gap, m/s; negative (a retreat) in a negative one."""
+def approach_speed_m_s(gap_m: float, config: GuardConfig, delay_s: float = 0.0) -> float:
+    """The fastest speed from which the vehicle stops within a gap, m/s; negative (a retreat) in a negative one.
+
+    Args:
+        gap_m: To where it must have stopped.
+        config: Braking and reaction.
+        delay_s: Added to the reaction.
+    """
     if gap_m <= 0.0:
         return max(config.retreat_gain_per_s * gap_m, -config.retreat_m_s)
-    lag = config.brake_m_s2 * config.reaction_s
+    lag = config.brake_m_s2 * (config.reaction_s + delay_s)
     return math.sqrt(lag * lag + 2.0 * config.brake_m_s2 * gap_m) - lag
 
 
@@ -141,18 +147,25 @@ class Guard:
         if _keeps(wanted, bounds):
             return setpoint
         north, east = nearest_velocity(wanted, bounds)
-        return replace(setpoint, velocity_north_m_s=north, velocity_east_m_s=east)
+        return replace(
+            setpoint,
+            velocity_north_m_s=north,
+            velocity_east_m_s=east,
+            acceleration_north_m_s2=0.0,  # it leads along the trajectory that is not flown
+            acceleration_east_m_s2=0.0,
+        )
 
     def _peer_bounds(self, place: Point, obstructions: Sequence[Obstruction]) -> list[Bound]:
         """Each of two vehicles that approach each other gets half of the gap between them."""
         bounds = []
+        delay_s = self._config.peer_delay_s
         for other in obstructions:
             north, east = other.north_m - place[0], other.east_m - place[1]
             apart = math.hypot(north, east)
             if apart < 1e-6:
                 continue  # no direction is better than another
             gap = 0.5 * (apart - other.distance_m)
-            bounds.append(Bound(north / apart, east / apart, approach_speed_m_s(gap, self._config)))
+            bounds.append(Bound(north / apart, east / apart, approach_speed_m_s(gap, self._config, delay_s)))
         return bounds
 
     def _fence_bounds(self, place: Point) -> list[Bound]:

@@ -19,7 +19,7 @@ def crowded(*, guard: bool) -> Scenario:
 
 def closest_m(scenario: Scenario, duration_s: float) -> float:
     """The smallest true distance between two vehicles that fly, m."""
-    team = VirtualTeam(scenario, seed=1, plan_nodes=200)
+    team = VirtualTeam(scenario, seed=3, plan_nodes=200)
     truth: dict[int, tuple[float, float]] = {}
 
     def hear(heard: GroundMessage) -> None:
@@ -44,5 +44,5 @@ def closest_m(scenario: Scenario, duration_s: float) -> float:
 
 
 def test_vehicles_on_one_layer_stay_apart_because_of_it() -> None:
-    assert closest_m(crowded(guard=False), 15.0) < 0.35, "without it this crowd is no test"
-    assert closest_m(crowded(guard=True), 15.0) > 0.5
+    assert closest_m(crowded(guard=False), 30.0) < 0.35, "without it this crowd is no test"
+    assert closest_m(crowded(guard=True), 30.0) > 0.5

@@ -3,6 +3,7 @@
 import itertools
 import math
 import random
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -60,6 +61,20 @@ def test_contradicting_retreats_end_in_a_standstill() -> None:
 def test_far_from_everything_the_setpoint_is_untouched() -> None:
     wanted = setpoint(1.0, 0.0)
     assert Guard(CONFIG, FENCE).filter(wanted, (2.0, 4.0), [Obstruction(2.0, 7.0, 0.6)]) is wanted
+
+
+def test_a_trajectory_that_is_not_flown_leads_no_acceleration() -> None:
+    wanted = replace(setpoint(1.0, 0.5), acceleration_north_m_s2=3.0, acceleration_east_m_s2=-3.0)
+    filtered = Guard(CONFIG, FENCE).filter(wanted, (3.95, 4.0), [])
+    assert (filtered.acceleration_north_m_s2, filtered.acceleration_east_m_s2) == (0.0, 0.0)
+
+
+def test_a_peer_is_given_the_time_that_its_word_takes() -> None:
+    wanted = setpoint(0.0, 2.0)
+    here, peer = (2.0, 4.0), Obstruction(2.0, 5.5, 0.6)
+    prompt = Guard(CONFIG.model_copy(update={"peer_delay_s": 0.0}), FENCE).filter(wanted, here, [peer])
+    late = Guard(CONFIG, FENCE).filter(wanted, here, [peer])
+    assert 0.0 < late.velocity_east_m_s < prompt.velocity_east_m_s < 2.0
 
 
 def test_only_the_velocity_is_changed() -> None:
