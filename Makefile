@@ -24,8 +24,12 @@ venv: .venv/dev.stamp  ## prepare .venv with everything, tests and development t
 demo: .venv/run.stamp  ## fly the simulated team for two minutes, with live progress and a summary
 	$(BIN)/arvi fly configs/lab.yaml
 
+# What flies in real time has the machine to itself.
+REAL_TIME := tests/system tests/interop
+
 test: .venv/dev.stamp  ## run all tests
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --maxprocesses 4 --dist worksteal $(REAL_TIME:%=--ignore %)
+	$(BIN)/pytest $(REAL_TIME)
 
 faults: .venv/dev.stamp  ## fly the whole fault suite; writes docs/reliability.md
 	$(BIN)/python -m sim_bridge.reliability --seeds 2 --moments 50 --bars 4 --write docs/reliability.md
