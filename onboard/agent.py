@@ -68,7 +68,8 @@ class Agent:
         clock: MissionClock,
         estimator: DistributedFilter | None = None,
     ) -> None:
-        self.team = TeamTable(vehicle.id, scenario.estimation.neighbour_timeout_s)
+        below = [mate.id for mate in scenario.vehicles if mate.layer_m < vehicle.layer_m]
+        self.team = TeamTable(vehicle.id, scenario.estimation.neighbour_timeout_s, below)
         self.grid = VisibilityGrid(
             scenario.mission.fence,
             scenario.exploration.cell_m,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from onboard.messages import FlightState, PeerStatus
@@ -10,6 +11,7 @@ from onboard.messages import FlightState, PeerStatus
 __all__ = ["Group", "TeamTable"]
 
 _PLANNING = (FlightState.HOLD, FlightState.TRACK)
+_ABOUT_TO_FLY = (FlightState.WAIT, FlightState.STANDBY, FlightState.ARM)
 _IN_THE_WAY = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
 
 
@@ -32,11 +34,13 @@ class TeamTable:
     Args:
         system_id: This robot.
         timeout_s: Silence after which a peer is out of range, s.
+        below: System ids of the teammates whose layers this robot crosses on its way down.
     """
 
-    def __init__(self, system_id: int, timeout_s: float) -> None:
+    def __init__(self, system_id: int, timeout_s: float, below: Iterable[int] = ()) -> None:
         self._system_id = system_id
         self._timeout_s = timeout_s
+        self._below = frozenset(below)
         self._heard: dict[int, tuple[float, PeerStatus]] = {}
 
     def receive(self, status: PeerStatus, time_s: float) -> None:
@@ -75,11 +79,22 @@ class TeamTable:
         return Group(ordered, ordered.index(self._system_id))
 
     def may_descend(self, time_s: float) -> bool:
-        """Whether every peer in range that flies is above its own home or landing: nobody crosses below."""
-        return not any(
-            status.state in _IN_THE_WAY and not status.over_home
-            for status in (self._heard[peer][1] for peer in self.neighbours(time_s))
+        """Whether nobody crosses below: who is heard is over its home, landing or down, and so was last who is not.
+
+        Of those out of range only who flies below matters, so that a team that does not hear each other comes down in
+        the order of its layers. A teammate of which nothing was heard since the start may fly.
+        """
+        heard = self.neighbours(time_s)
+        return not any(self._crosses(self._heard[peer][1]) for peer in heard) and not any(
+            peer not in self._heard or self._may_cross(self._heard[peer][1]) for peer in self._below.difference(heard)
         )
+
+    def _crosses(self, status: PeerStatus) -> bool:
+        return status.state in _IN_THE_WAY and not status.over_home
+
+    def _may_cross(self, status: PeerStatus) -> bool:
+        """Whether a peer that is heard no more may be in the way since."""
+        return status.state in _ABOUT_TO_FLY or self._crosses(status)
 
     def _flies_plans(self, peer: int, time_s: float) -> bool:
         known = self.status(peer, time_s)

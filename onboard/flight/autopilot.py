@@ -154,6 +154,11 @@ class AutopilotLink:
             return None
         return frame.to_mission(self.heard.local_position)
 
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """North m/s, east m/s with the latest position; the local frame is turned by nothing."""
+        return self.heard.local_velocity
+
     def pose(self) -> Pose | None:
         """The latest position and yaw; None before both were heard."""
         position = self.position

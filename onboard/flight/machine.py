@@ -23,7 +23,7 @@ from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["AIRBORNE", "FlightMachine"]
+__all__ = ["AIRBORNE", "AT_HOME_M", "OVER_HOME_M", "SLOW_M_S", "FlightMachine"]
 
 STREAM_BEFORE_LAUNCH_S = 0.5
 COMMAND_RETRY_S = 1.0
@@ -35,6 +35,15 @@ NEAR_LAYER_M = 0.6
 NEAR_LAYER_PATIENCE_S = 2.0
 """Who takes off by its own idea of the height may stop a little off ours; the stream does the rest."""
 OVER_HOME_M = 0.3
+AT_HOME_M = 0.1
+SLOW_M_S = 0.2
+PASSING_M_S = 0.5
+SETTLING_S = 2.0
+"""Landing begins at home and slow: an autopilot's landing mode keeps the velocity that it takes over for a while.
+
+Who is kept off a little (by wind) for longer lands over home when it is slow. Who passes at more than ``PASSING_M_S``
+is not over home yet.
+"""
 
 _FLOWN = (FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
 _COMMANDED = (FlightState.TAKEOFF, *_FLOWN)
@@ -73,7 +82,7 @@ class FlightMachine:
         self._flown_until_s = math.inf
         self._since_s = -math.inf
         self._command_s = -math.inf
-        self._return_by_s = math.inf
+        self._return_by_s = self._arrived_s = math.inf
         self._launch = Launch((), 0.0)
         self._launched_s = math.inf
         self._custody = Custody(link)
@@ -184,7 +193,8 @@ class FlightMachine:
         """Above home at the layer, or on the ground: out of the way of those who descend."""
         if self.state not in AIRBORNE or self.state is FlightState.LAND:
             return True
-        return self.state is FlightState.RETURN and self._distance_home_m() < OVER_HOME_M
+        near = self._distance_home_m() < OVER_HOME_M and self._speed_m_s < PASSING_M_S
+        return self.state is FlightState.RETURN and near
 
     @property
     def autopilot_lands(self) -> bool:
@@ -274,6 +284,7 @@ class FlightMachine:
             )
             self.trajectory = way
             self._return_by_s = way.end_s + self._config.return_patience_s
+            self._arrived_s = math.inf
             self._start_stream(previous)
         elif state is FlightState.LAND:
             self._land_taken = previous is FlightState.ARM
@@ -360,10 +371,12 @@ class FlightMachine:
     def _return(self, time_s: float, may_descend: bool) -> FlightState:
         distance_m = self._distance_home_m()
         arrived = distance_m < OVER_HOME_M and self._off_layer_m() < NEAR_LAYER_M
-        if arrived and may_descend:
+        self._arrived_s = min(self._arrived_s, time_s) if arrived else math.inf
+        settled = distance_m < AT_HOME_M or time_s - self._arrived_s > SETTLING_S
+        if arrived and may_descend and settled and self._speed_m_s < SLOW_M_S:
             return FlightState.LAND
         if time_s >= self._return_by_s:
-            why = "teammates still fly nearby" if arrived else f"{distance_m:.1f} m from home"
+            why = "teammates may fly below" if arrived and not may_descend else f"{distance_m:.1f} m from home"
             self._say(mavlink.MAV_SEVERITY_WARNING, f"{why}; landing all the same")
             return FlightState.LAND
         return FlightState.RETURN
@@ -432,6 +445,10 @@ class FlightMachine:
         if self._next is not None:
             self._flown_from_s, self.trajectory, self._flown_until_s = self._next
             self._next = None
+
+    @property
+    def _speed_m_s(self) -> float:
+        return math.hypot(*self._link.velocity)
 
     @property
     def _measured_down_m(self) -> float:

@@ -34,6 +34,7 @@ class Telemetry:
         unhealthy: Names of the enabled sensors that SYS_STATUS calls unhealthy.
         battery_percent: 0..100; None if unknown.
         local_position: North m, east m, down m in the autopilot's local frame; None before the first.
+        local_velocity: North m/s, east m/s with it.
         yaw_rad: Heading; None before the first.
     """
 
@@ -48,6 +49,7 @@ class Telemetry:
         self.unhealthy: tuple[str, ...] = ()
         self.battery_percent: int | None = None
         self.local_position: tuple[float, float, float] | None = None
+        self.local_velocity = (0.0, 0.0)
         self.yaw_rad: float | None = None
         self._position_s = -math.inf
         self._boot_ms: int | None = None
@@ -66,6 +68,8 @@ class Telemetry:
             case mavlink.MAVLink_local_position_ned_message():
                 if all(math.isfinite(value) for value in (message.x, message.y, message.z)):
                     self.local_position = (message.x, message.y, message.z)
+                    if math.isfinite(message.vx) and math.isfinite(message.vy):
+                        self.local_velocity = (message.vx, message.vy)
                     self._position_s = time_s
             case mavlink.MAVLink_attitude_message():
                 if math.isfinite(message.yaw):

@@ -92,7 +92,6 @@ class Case:
         return self.fault.until_s
 
 
-_UNHEARD = Gap("who lands waits for those who cross below only if it hears them", "^separation")
 _SINKS = Gap("nobody keeps clear of a vehicle that comes down by itself", "^separation")
 _BLIND = Gap(
     "without a position PX4 refuses to land by command and hovers blind", "outside the fence|^not down|^separation"
@@ -126,7 +125,6 @@ def _in(expected: Expected, *phases: Phase) -> dict[Phase, Expected]:
 
 
 _EVERYWHERE = _in(_ON, *Phase)
-_HOMEWARDS = _in(Expected(gap=_UNHEARD), Phase.RETURNING)
 _FLYING = _in(_ON, Phase.TAKEOFF, Phase.TRACKING)
 
 _SILENT_FENCE_M = 2.2
@@ -141,16 +139,16 @@ _NOTHING = (Case("nothing", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 5.0, loss=0.
 _RADIO = (
     Case("radio: 5 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.05), _EVERYWHERE),
     Case("radio: 30 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.3), _EVERYWHERE),
-    Case("radio: 80 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.8), _EVERYWHERE | _HOMEWARDS),
+    Case("radio: 80 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.8), _EVERYWHERE),
     Case("radio: 100 ms late, jitter 100 ms", _fault(_C.RADIO, _T.DELAYED, _ALL, 6.0, jitter_s=0.1), _EVERYWHERE),
     Case("radio: 1 s late", _fault(_C.RADIO, _T.DELAYED, _ALL, 6.0, delay_s=1.0), _EVERYWHERE),
     Case("radio: doubled and reordered", _fault(_C.RADIO, _T.WRONG, _ALL, 6.0), _EVERYWHERE),
     Case("radio: 30 % damaged", _fault(_C.RADIO, _T.GARBAGE, _ALL, 6.0), _EVERYWHERE),
-    Case("radio: repeats old datagrams", _fault(_C.RADIO, _T.STUCK, _ALL, 4.0), _EVERYWHERE | _HOMEWARDS),
+    Case("radio: repeats old datagrams", _fault(_C.RADIO, _T.STUCK, _ALL, 4.0), _EVERYWHERE),
     Case("radio: 1 kB/s", _fault(_C.RADIO, _T.SLOW, _ALL, 6.0), _EVERYWHERE),
-    Case("radio: of one vehicle off", _fault(_C.RADIO, _T.OFF, _ONE, 6.0), _EVERYWHERE | _HOMEWARDS),
-    Case("radio: off", _fault(_C.RADIO, _T.OFF, _ALL, 6.0), _EVERYWHERE | _HOMEWARDS),
-    Case("radio: off for good", _fault(_C.RADIO, _T.OFF, _ALL, None), _in(Expected(gap=_UNHEARD), *Phase)),
+    Case("radio: of one vehicle off", _fault(_C.RADIO, _T.OFF, _ONE, 6.0), _EVERYWHERE),
+    Case("radio: off", _fault(_C.RADIO, _T.OFF, _ALL, 6.0), _EVERYWHERE),
+    Case("radio: off for good", _fault(_C.RADIO, _T.OFF, _ALL, None), _EVERYWHERE),
     Case("radio: partition", _fault(_C.RADIO, _T.OFF, (1, 2), 6.0, among_themselves=1.0), _EVERYWHERE),
 )
 

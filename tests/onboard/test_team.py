@@ -1,5 +1,7 @@
 """Neighbours, groups and who may descend."""
 
+import pytest
+
 from onboard.messages import FlightState, PeerStatus
 from onboard.team import TeamTable
 
@@ -71,3 +73,25 @@ def test_nobody_descends_while_a_neighbour_may_cross_below() -> None:
     team.receive(status(2, state=FlightState.RETURN, over_home=True), 10.1)
     team.receive(status(3, state=FlightState.LANDED), 10.1)
     assert team.may_descend(10.1)
+
+
+@pytest.mark.parametrize(
+    ("state", "over_home", "may_descend"),
+    [
+        (FlightState.TRACK, False, False),
+        (FlightState.RETURN, False, False),
+        (FlightState.RETURN, True, True),
+        (FlightState.STANDBY, True, False),
+        (FlightState.LAND, True, True),
+        (FlightState.LANDED, True, True),
+    ],
+)
+def test_who_is_heard_no_more_keeps_those_above_it_up_unless_it_was_out_of_the_way(
+    state: FlightState, over_home: bool, may_descend: bool
+) -> None:
+    above, lowest = TeamTable(1, timeout_s=1.5, below=[2]), TeamTable(1, timeout_s=1.5)
+    assert not above.may_descend(10.0), "never heard: it may fly"
+    for team in (above, lowest):
+        team.receive(status(2, state=state, over_home=over_home), 10.0)
+    assert above.may_descend(12.0) is may_descend
+    assert lowest.may_descend(12.0)

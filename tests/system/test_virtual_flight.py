@@ -131,7 +131,7 @@ def test_the_team_lands_at_home_within_twenty_seconds(flown: Flight, lab: Scenar
     flown.team.run(1.0)
     for vehicle in lab.vehicles:
         truth = flown.truth[vehicle.id]
-        assert math.dist((truth.north, truth.east), vehicle.home) < 0.35
+        assert math.dist((truth.north, truth.east), vehicle.home) < 0.15
         assert truth.down == pytest.approx(0.0, abs=0.02)
         assert not flown.team.companions[vehicle.id].autopilot.heard.armed
     assert min(truth.min_separation for truth in flown.truth.values()) >= 0.5

@@ -8,7 +8,7 @@ import pytest
 
 from onboard.config.schema import FlightConfig, VehicleConfig
 from onboard.flight.autopilot import BEHAVIOURS, AutopilotLink
-from onboard.flight.machine import FlightMachine
+from onboard.flight.machine import AT_HOME_M, OVER_HOME_M, SLOW_M_S, FlightMachine
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.messages import FlightState
@@ -46,6 +46,7 @@ class Flight:
         self.refuse: dict[int, int] = {}
         self.says: list[str] = []
         self.position = [1.0, 2.0, 0.0]
+        self.velocity = (0.0, 0.0)
         self.setpoints: list[SetpointMessage] = []
         self.texts: list[str] = []
         self.states = [self.machine.state]
@@ -109,7 +110,7 @@ class Flight:
             self.say(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 12000, 0, 80, 0, 0, 0, 0, 0, 0))
             landed = 1 if self.position[2] > -0.02 else 2
             self.say(mavlink.MAVLink_extended_sys_state_message(0, landed))
-        self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *self.position, 0.0, 0.0, 0.0))
+        self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *self.position, *self.velocity, 0.0))
         self.say(mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         if self.armed and self.mode == self.behaviour.land_mode:
             self.position[2] = min(self.position[2] + 0.7 * TICK_S, 0.0)
@@ -121,8 +122,9 @@ class Flight:
         self.setpoints.append(setpoint)
         if not self.armed or self.mode != self.behaviour.guided_mode:
             return
-        self.position[0] += (setpoint.vx + self.wind_m_s) * TICK_S
-        self.position[1] += setpoint.vy * TICK_S
+        self.velocity = (setpoint.vx + self.wind_m_s, setpoint.vy)
+        self.position[0] += self.velocity[0] * TICK_S
+        self.position[1] += self.velocity[1] * TICK_S
         if self.behaviour is BEHAVIOURS["px4"]:
             self.position[2] = setpoint.z
         elif self.position[2] < 0.0:
@@ -503,6 +505,18 @@ def test_it_waits_above_home_while_a_teammate_may_cross_below_but_not_for_ever(f
     assert flight.machine.over_home
     flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=8.0)
     assert any("landing all the same" in text for text in flight.texts)
+
+
+@pytest.mark.parametrize(("wind_m_s", "off_m"), [(0.0, AT_HOME_M), (0.5, OVER_HOME_M)])
+def test_landing_begins_over_home_at_rest_not_in_passing(flight: Flight, wind_m_s: float, off_m: float) -> None:
+    flight.fly_to(FlightState.TRACK)
+    flight.run(2.0)
+    flight.wind_m_s = wind_m_s
+    flight.machine.land(flight.time_s)
+    flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=8.0)
+    assert math.dist(flight.position[:2], (1.0, 2.0)) <= off_m
+    assert math.hypot(*flight.velocity) < SLOW_M_S
+    assert not any("all the same" in text for text in flight.texts)
 
 
 def test_a_vehicle_that_the_wind_keeps_from_home_lands_where_it_got_to(flight: Flight) -> None:
