@@ -91,6 +91,7 @@ class Agent:
             scenario.mission.step_s,
             initial_speed_std_m_s=scenario.targets.initial_speed_std_m_s,
             max_message_age_steps=scenario.estimation.max_message_age_steps,
+            fence=scenario.mission.fence,
         )
         self._landmarks = Landmarks(
             scenario.exploration.max_landmarks,

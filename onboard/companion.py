@@ -31,9 +31,11 @@ from onboard.planning.problem import Problem
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import BROADCAST, Codec, RefusalNotice
 from onboard.protocol.link_quality import SequenceMonitor
+from onboard.protocol.rate_limit import RateLimit
 from onboard.protocol.signing import LinkSigning, SignedLink, Signing
 from onboard.protocol.status_text import encode_status_text
 from onboard.protocol.team_messages import (
+    MessageError,
     encode_belief,
     encode_landmarks,
     encode_plan,
@@ -57,6 +59,8 @@ LANDMARKS_EVERY = 2
 
 MAX_START_AHEAD_S = 600.0
 MAX_DETECTION_AGE_S = 2.0
+MAX_PEER_CLOCK_ERROR_S = 60.0
+"""As for signatures: a teammate's status or plan of another minute is refused, and holds nothing up for longer."""
 NEAR_STATUS_S = 0.1
 """How often teammates that are near hear where this vehicle is."""
 MIN_BUDGET_SHARE = 0.2
@@ -70,6 +74,10 @@ class LinkName(StrEnum):
     PEERS = "peers"
     SENSOR = "sensor"
     GROUND = "ground"
+
+
+MAX_RATES_HZ = {LinkName.AUTOPILOT: 10_000.0, LinkName.PEERS: 2000.0, LinkName.SENSOR: 2000.0, LinkName.GROUND: 100.0}
+"""Messages of one sender on a link: a peer may tell of a thousand targets in every step of half a second."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,7 @@ class Companion:
         self._schedule: EpochSchedule | None = None
         self._signing = signing
         self._codecs = {name: Codec(vehicle_id, COMPONENT, self._signing_of(name)) for name in LinkName}
+        self._limits = {name: RateLimit(MAX_RATES_HZ[name]) for name in LinkName}
         self._refusals = RefusalNotice()
         self._last_resort = LastResort(scenario, self.vehicle)
         self._checksum = primitives_checksum(scenario.primitive_set)
@@ -149,6 +158,9 @@ class Companion:
         if link is LinkName.PEERS:
             self._counts.peer_bytes_received += len(datagram)
         for message in self._codecs[link].decode(datagram):
+            if not self._limits[link].lets_in(message.get_srcSystem(), time_s):
+                self._counts.refused += 1
+                continue
             try:
                 match link:
                     case LinkName.AUTOPILOT:
@@ -168,21 +180,31 @@ class Companion:
         self._peer_frames.setdefault(message.get_srcSystem(), SequenceMonitor()).receive(message.get_seq(), time_s)
         if self.agent is None or self._clock is None:
             if isinstance(message, mavlink.MAVLink_planner_status_message):
-                self._rejoin(read_status(message), time_s)
+                self._rejoin(self._status_of_now(message, time_s), time_s)
             return
         match message:
             case mavlink.MAVLink_planner_status_message():
-                self.agent.receive_status(read_status(message), time_s)
+                self.agent.receive_status(self._status_of_now(message, time_s), time_s)
             case mavlink.MAVLink_target_belief_message():
                 self.agent.receive_belief(read_belief(message, self._clock))
             case mavlink.MAVLink_arvi_plan_message():
                 plan = read_plan(message, self._clock, self._checksum, len(self._scenario.primitives))
+                self._require_of_now(plan.sender, self._clock.time_of(plan.step), time_s)
                 self.agent.receive_plan(plan)
                 begin_s, step_s = self._clock.time_of(plan.step), self._clock.step_s
                 flown = PlanTrajectory(begin_s, plan.start, self.agent.controls(plan), step_s)
                 self._last_resort.receive_plan(plan.sender, flown)
             case mavlink.MAVLink_explored_tile_message():
                 self.agent.receive_tile(read_tile(message), time_s)
+
+    def _status_of_now(self, message: mavlink.MAVLink_planner_status_message, time_s: float) -> PeerStatus:
+        status = read_status(message)
+        self._require_of_now(status.sender, status.time_s, time_s)
+        return status
+
+    def _require_of_now(self, sender: int, said_s: float, time_s: float) -> None:
+        if abs(said_s - time_s) > MAX_PEER_CLOCK_ERROR_S:
+            raise MessageError(f"vehicle {sender} speaks of a time {said_s - time_s:+.0f} s from now")
 
     def _from_sensor(self, message: mavlink.MAVLink_message, time_s: float) -> None:
         if self.agent is None or not isinstance(message, mavlink.MAVLink_target_detection_message):

@@ -20,6 +20,7 @@ from onboard.estimation.inbox import BeliefInbox, InboxCounts
 from onboard.estimation.kernels import moments_of_blocks, scratch
 from onboard.estimation.look_kernels import pack_sensor
 from onboard.estimation.measurement import Look, is_plausible
+from onboard.estimation.plausibility import Plausibility
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.estimation.target_models import TargetMotion
 from onboard.estimation.track import Track
@@ -67,6 +68,7 @@ class DistributedFilter:
         initial_speed_std_m_s: float,
         max_message_age_steps: int,
         max_targets: int = 1000,
+        fence: Sequence[tuple[float, float]] | None = None,
     ) -> None:
         """Start knowing no target.
 
@@ -77,6 +79,8 @@ class DistributedFilter:
             initial_speed_std_m_s: Standard deviation of a new track's velocity about 0, per axis, m/s.
             max_message_age_steps: How many steps older than one's own posterior a peer's belief may be.
             max_targets: Bound of the memory that peers can make this robot use.
+            fence: Corners, north m and east m, of the area in which the team flies: peers' beliefs that are surer than
+                its sensors allow, or so far outside that nobody can look there, are refused. None believes all.
         """
         self.motion = motion
         self.sensor = sensor
@@ -85,7 +89,10 @@ class DistributedFilter:
         self._packed_sensor = pack_sensor(sensor)
         self._work = scratch(motion.model.state_size)
         self._max_targets = max_targets
-        self._inbox = BeliefInbox(motion.model, max_message_age_steps, max_targets)
+        plausibility = None
+        if fence is not None:
+            plausibility = Plausibility(motion, sensor, step_s, initial_speed_std_m_s, fence)
+        self._inbox = BeliefInbox(motion.model, max_message_age_steps, max_targets, plausibility)
         self._step: int | None = None
         self._ids: list[int] = []
         self._vectors = np.empty((0, motion.model.state_size))

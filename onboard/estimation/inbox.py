@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from onboard.estimation import information
 from onboard.estimation.errors import EstimationError
 from onboard.estimation.kernels import check_information, scratch
+from onboard.estimation.plausibility import Plausibility
 from onboard.estimation.target_models import TargetModel
 from onboard.messages import Belief
 
@@ -96,13 +97,16 @@ class BeliefInbox:
         counts: What became of the beliefs so far.
     """
 
-    def __init__(self, model: TargetModel, max_age_steps: int, max_targets: int) -> None:
+    def __init__(
+        self, model: TargetModel, max_age_steps: int, max_targets: int, plausibility: Plausibility | None = None
+    ) -> None:
         """An empty inbox.
 
         Args:
             model: The team's target model.
             max_age_steps: How many steps older than one's own posterior a belief may be.
             max_targets: Of how many targets beliefs may wait.
+            plausibility: What a belief can be in the team's world; None believes every Gaussian.
         """
         self.counts = InboxCounts()
         self._model = model
@@ -110,6 +114,7 @@ class BeliefInbox:
         self._work = scratch(model.state_size)
         self._max_age_steps = max_age_steps
         self._max_targets = max_targets
+        self._plausibility = plausibility
         self._waiting: dict[tuple[int, int], dict[int, HeardBelief]] = {}  # by (target, sender), then step
         self._senders: dict[int, int] = {}  # by target: of how many something waits
         self._fused_step: dict[tuple[int, int], int] = {}
@@ -124,7 +129,7 @@ class BeliefInbox:
 
         Raises:
             EstimationError: Another model, a wrong shape, not finite, not symmetric, not positive definite, or so
-                wide, narrow or far away that it cannot be of this world; nothing has changed.
+                wide, narrow, fast or far away that it cannot be of this world; nothing has changed.
         """
         vector, matrix = _copied(belief.information_vector), _copied(belief.information_matrix)
         complaint = self._complaint(belief, vector, matrix)
@@ -146,7 +151,11 @@ class BeliefInbox:
         if not 0 <= belief.degree <= MAX_DEGREE:
             return f"degree {belief.degree} is not within 0..{MAX_DEGREE}"
         defect = check_information(vector, matrix, self._work)
-        return None if defect == 0 else _defect_in_words(defect, vector, matrix)
+        if defect != 0:
+            return _defect_in_words(defect, vector, matrix)
+        if self._plausibility is None:
+            return None
+        return self._plausibility.complaint(belief.step, vector, matrix, self._work)
 
     def _keep(self, belief: HeardBelief, current_step: int | None) -> None:
         counts, step, key = self.counts, belief.step, (belief.target_id, belief.sender)

@@ -17,6 +17,7 @@ from onboard.planning.jit import entry_kernel, kernel
 
 __all__ = [
     "check_information",
+    "check_world",
     "fuse_blocks",
     "moments",
     "moments_of_blocks",
@@ -271,6 +272,62 @@ def check_information(vector: Array, matrix: Array, work: Array) -> int:
         if not abs(mean[i]) <= MAX_MEAN:
             return 5
     return 0
+
+
+@entry_kernel
+def check_world(
+    vector: Array, matrix: Array, most: Array, fence: Array, reach_m: float, max_speed: float, work: Array
+) -> tuple[int, float, float, float]:
+    """Whether a Gaussian is of this team's world; what is uncertain may be three standard deviations off its bounds.
+
+    Args:
+        vector: ω, (n,).
+        matrix: Ω, (n, n), symmetric and positive definite.
+        most: Bound of Ω, (n, n), in the sense that the difference is positive definite.
+        fence: Corners, north m and east m, (F, 2).
+        reach_m: How far outside it the mean may be, m.
+        max_speed: Bound of the mean's velocity, m/s, for n = 4.
+        work: As :func:`scratch` gives it.
+
+    Returns:
+        0 and the mean's position, or what is wrong: 1 too much information, 2 too far outside with the distance, 3 too
+        fast with the speed.
+    """
+    size = vector.shape[0]
+    lower, half, mean, covariance = work[0], work[1], work[2, 0], work[3]
+    for i in range(size):
+        for j in range(size):
+            half[i, j] = most[i, j] - matrix[i, j]
+    if not factor(half, lower) or not factor(matrix, lower):
+        return 1, math.nan, math.nan, math.nan
+    for i in range(size):
+        mean[i] = vector[i]
+    solve(lower, mean)
+    invert(lower, half, covariance)
+    outside = _outside_m(fence, mean[0], mean[1])
+    if outside > reach_m + 3.0 * math.sqrt(covariance[0, 0] + covariance[1, 1]):
+        return 2, mean[0], mean[1], outside
+    if size == 4:
+        speed = math.hypot(mean[2], mean[3])
+        if speed > max_speed + 3.0 * math.sqrt(covariance[2, 2] + covariance[3, 3]):
+            return 3, mean[0], mean[1], speed
+    return 0, mean[0], mean[1], 0.0
+
+
+@kernel
+def _outside_m(corners: Array, north: float, east: float) -> float:
+    """Distance of a point from a polygon, m; 0 inside."""
+    inside, nearest = False, math.inf
+    for i in range(corners.shape[0]):
+        j = i + 1 if i + 1 < corners.shape[0] else 0
+        n0, e0, n1, e1 = corners[i, 0], corners[i, 1], corners[j, 0], corners[j, 1]
+        if (e0 > east) != (e1 > east) and north < n0 + (n1 - n0) * (east - e0) / (e1 - e0):
+            inside = not inside
+        square = (n1 - n0) ** 2 + (e1 - e0) ** 2
+        along = ((north - n0) * (n1 - n0) + (east - e0) * (e1 - e0)) / square
+        along = min(max(along, 0.0), 1.0)
+        nearest = min(nearest, math.hypot(north - n0 - along * (n1 - n0), east - e0 - along * (e1 - e0)))
+    return 0.0 if inside else nearest
 
 
 @kernel

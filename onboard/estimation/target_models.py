@@ -37,6 +37,11 @@ class TargetMotion:
     model: TargetModel
     noise: float
 
+    @property
+    def is_deterministic(self) -> bool:
+        """Whether a target's future follows from its state: information about it is never lost."""
+        return self.model is TargetModel.STATIC or self.noise == 0.0
+
     def transition(self, duration_s: float) -> NDArray[np.float64]:
         """A, shape (n, n), for a step of ``duration_s``."""
         a = np.eye(self.model.state_size)

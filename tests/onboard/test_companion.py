@@ -269,3 +269,52 @@ def test_with_a_key_peers_and_ground_get_signed_frames_and_the_autopilot_plain_o
         unit.tick(NOW + 0.02 * tick)
     signed = {(link, bool(frame[2] & mavlink.MAVLINK_IFLAG_SIGNED)) for link, frame in unit.outbox()}
     assert signed == {(LinkName.PEERS, True), (LinkName.GROUND, True), (LinkName.AUTOPILOT, False)}
+
+
+def peer_status(status: mavlink.MAVLink_planner_status_message, time_s: float) -> bytes:
+    """What teammate 2 says of itself, in flight, with its clock at a time."""
+    status.time_usec, status.state = round(time_s * 1e6), FlightState.TRACK
+    status.north, status.east, status.down, status.yaw = 1.0, 4.0, -1.7, 0.0
+    return Codec(2, COMPONENT).encode(status)
+
+
+def test_a_teammate_that_speaks_of_another_minute_is_refused() -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    assert unit.agent is not None
+    said = status_of(unit, NOW + 0.5)
+    for age_s in (-3600.0, -61.0, 61.0, 1e6):
+        unit.receive(LinkName.PEERS, peer_status(said, NOW - age_s), NOW)
+    assert unit.agent.team.last_heard == []
+    unit.receive(LinkName.PEERS, peer_status(said, NOW - 5.0), NOW)
+    assert [status.sender for status in unit.agent.team.last_heard] == [2]
+
+
+def test_a_teammate_that_floods_is_heard_no_more_often_than_it_may() -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    frame = Codec(2, COMPONENT).encode(mavlink.MAVLink_explored_tile_message(0, 0, 250, [1] * 128))
+    for _ in range(50):
+        unit.receive(LinkName.PEERS, 50 * frame, NOW)
+    assert status_of(unit, NOW + 0.5).rejected == 2500 - 2000
+
+
+def test_a_key_that_comes_over_the_air_is_not_taken() -> None:
+    """SETUP_SIGNING, even from the ground itself: keys change on the ground, by file."""
+    key = SigningKey(bytes(range(32)))
+    unit = Companion(SCENARIO, 1, NOW, Signing(key))
+    ours, theirs = Signing(key), Signing(SigningKey(bytes(range(1, 33))))
+    for signing in (ours, theirs):
+        signing.advance(NOW)
+    ground = Codec(255, 190, ours.link(SignedLink.GROUND))
+    for link in LinkName:
+        offer = mavlink.MAVLink_setup_signing_message(1, COMPONENT, list(range(1, 33)), 10**15)
+        for codec in (ground, Codec(255, 190), AUTOPILOT):
+            unit.receive(link, codec.encode(offer), NOW)
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, Codec(255, 190, theirs.link(SignedLink.GROUND)).encode(start(NOW + 10)), NOW)
+    assert unit.machine.state is FlightState.STANDBY
+    unit.receive(LinkName.GROUND, ground.encode(start(NOW + 10)), NOW)
+    assert unit.machine.state is FlightState.ARM
