@@ -248,7 +248,7 @@ class _Flight:
     async def _injected_faults(self) -> AsyncIterator[None]:
         """Let the processes fail as the scenario says; afterwards all that live go on."""
         simulation = self._options.scenario.simulation
-        script = simulation.faults if simulation is not None else ()
+        script = simulation.script if simulation is not None else ()
         self._faults = ProcessFaults(script, self._names, time.time())
         injecting = asyncio.create_task(self._inject()) if self._faults.needed else None
         try:

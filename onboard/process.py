@@ -78,7 +78,7 @@ def clock_of(scenario: Scenario, vehicle_id: int, unix_s: Callable[[], float] = 
         vehicle_id: Whose computer.
         unix_s: The true time, s.
     """
-    script = scenario.simulation.faults if scenario.simulation is not None else ()
+    script = scenario.simulation.script if scenario.simulation is not None else ()
     faults = tuple(fault for fault in script if fault.component is Component.CLOCK and fault.concerns(vehicle_id))
     if not faults:
         return unix_s

@@ -339,7 +339,7 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
     if scenario.mission.position_source == "mocap":
         mocap = MotionCapture(simulation.mocap, {i: generator(seed, Stream.MOCAP, i) for i in ids}, pacer.time_s)
     targets = range(1, simulation.ground_robots.count + 1)
-    faults = FaultInjection(simulation.faults, seed, ids, targets, pacer.time_s, live=simulation.allow_live_faults)
+    faults = FaultInjection(simulation.script, seed, ids, targets, pacer.time_s, live=simulation.allow_live_faults)
     return Bridge(
         world=build_world(scenario, seed, pacer.time_s, faults),
         mocap=mocap,

@@ -235,6 +235,8 @@ VOCABULARY: Mapping[tuple[Component, FaultType], Effect] = MappingProxyType(
 )
 """Which faults there are."""
 
+MAX_TIMES = 1000
+
 _WITHOUT_VEHICLES = frozenset({Component.BRIDGE})
 
 
@@ -251,9 +253,23 @@ class FaultConfig(Section):
     )
     from_s: NonNegative = Field(description="when it begins, s")
     until_s: Positive | None = Field(default=None, description="when it ends, s; null never")
+    times: Annotated[int, Field(ge=1, le=MAX_TIMES)] = Field(default=1, description="how often it happens")
+    every_s: Positive | None = Field(default=None, description="from one beginning to the next, s, where times > 1")
     parameters: dict[Annotated[str, Field(min_length=1, max_length=40)], float] = Field(
         default_factory=dict, description="how bad it is"
     )
+
+    @property
+    def occurrences(self) -> tuple[FaultConfig, ...]:
+        """Each time that it happens, as a fault that happens once."""
+        if self.every_s is None or self.until_s is None:
+            return (self,)
+        shifts_s = [index * self.every_s for index in range(self.times)]
+        once = {"times": 1, "every_s": None}
+        return tuple(
+            self.model_copy(update={"from_s": self.from_s + shift_s, "until_s": self.until_s + shift_s, **once})
+            for shift_s in shifts_s
+        )
 
     @property
     def effect(self) -> Effect:
@@ -288,6 +304,10 @@ class FaultConfig(Section):
     def _times_make_sense(self) -> Self:
         if self.until_s is not None and self.until_s <= self.from_s:
             raise ValueError(f"until_s: {self.until_s:g} is not after from_s = {self.from_s:g}")
+        if (self.times > 1) != (self.every_s is not None):
+            raise ValueError("every_s: goes together with times of more than one")
+        if self.every_s is not None and (self.until_s is None or self.every_s < self.until_s - self.from_s):
+            raise ValueError("every_s: a fault that comes again ends before; until_s - from_s is at most every_s")
         if self.component is Component.CLOCK and self.since != "boot":
             raise ValueError("since: a clock's faults count from boot; an onboard computer knows no other beginning")
         if self.component in _WITHOUT_VEHICLES and self.vehicles:

@@ -40,6 +40,7 @@ class VehicleDynamicsConfig(Section):
     yaw_rate_time_constant_s: Positive = 0.17
     drag_per_s: NonNegative = Field(default=0.1, description="how fast the air takes a level vehicle's speed")
     wind_acceleration_std_m_s2: NonNegative = 0.05
+    battery_mah: Positive = Field(default=5000.0, description="charge of a full battery; 12 A are drawn in flight")
 
 
 class GroundRobotsConfig(Section):
@@ -108,3 +109,8 @@ class SimulationConfig(Section):
     allow_live_faults: bool = Field(
         default=False, description="whether the bridge obeys MAV_CMD_INJECT_FAILURE; else it denies it"
     )
+
+    @property
+    def script(self) -> tuple[FaultConfig, ...]:
+        """The faults, each of which happens once."""
+        return tuple(once for fault in self.faults for once in fault.occurrences)

@@ -75,6 +75,7 @@ class Vehicle:
         yaw_rad: Heading in (−π, π], rad.
         yaw_rate_rad_s: Yaw rate, rad/s.
         on_ground: Whether it stands on the ground.
+        battery_mah: Charge of its full battery, mAh.
     """
 
     __slots__ = (
@@ -99,6 +100,7 @@ class Vehicle:
         "acceleration_down_m_s2",
         "acceleration_east_m_s2",
         "acceleration_north_m_s2",
+        "battery_mah",
         "down_m",
         "east_m",
         "north_m",
@@ -132,6 +134,7 @@ class Vehicle:
         self._max_climb = config.max_climb_m_s
         self._max_yaw_rate = config.max_yaw_rate_rad_s
         self._yaw_rate_lag = config.yaw_rate_time_constant_s
+        self.battery_mah = config.battery_mah
         self._wind_std = config.wind_acceleration_std_m_s2
         self._rng = rng
         self._gusts: list[float] = []

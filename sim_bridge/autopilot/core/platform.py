@@ -96,7 +96,7 @@ class Platform:
         )
         self.vision = VisionInput(self.estimator)
         self.gps = Gps(gps_enabled, vehicle, self.estimator, rng)
-        self.battery = Battery()
+        self.battery = Battery(vehicle.battery_mah)
         self.origin = origin
         self.home: Home | None = None
         self.statistics = statistics
