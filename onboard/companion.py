@@ -47,7 +47,7 @@ from onboard.protocol.team_messages import (
     read_status,
     read_tile,
 )
-from onboard.status import Counts, planner_status
+from onboard.status import Counts, planner_status, status_line
 
 __all__ = ["COMPONENT", "Companion", "LinkName", "PlanningJob"]
 
@@ -460,6 +460,10 @@ class Companion:
         self._send(LinkName.GROUND, message)
         if self.autopilot.pose() is not None:
             self._send(LinkName.PEERS, message)
+
+    def status_line(self, time_s: float) -> str:
+        """What it is doing, in one line for whoever looks at the computer."""
+        return status_line(time_s, self.machine, self.autopilot, self.agent)
 
     def events(self) -> list[Event]:
         """What happened since the last call, for the log; the ground was told."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import signal
 import time
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from onboard.protocol import dialect as mavlink
 from onboard.protocol.signing import Signing
 from onboard.protocol.transport import Link, open_link
 from onboard.realtime import make_this_thread_urgent
+from onboard.service import NotifySocket, ServiceReport
 from onboard.signing_keeper import SigningKeeper, keeping
 
 __all__ = ["clock_of", "fly"]
@@ -105,7 +107,8 @@ class _Process:
         self._period_s = 1.0 / scenario.flight.setpoint_rate_hz
         self._links: dict[LinkName, Link] = {}
         self._stops = 0
-        self._stopped = asyncio.Event()
+        self._systemd = NotifySocket.of(os.environ)
+        self._report = ServiceReport(self._systemd.watchdog_s)
         self._planning = False
 
     async def open(self, urls: dict[LinkName, str]) -> None:
@@ -115,6 +118,7 @@ class _Process:
     def close(self) -> None:
         for link in self._links.values():
             link.close()
+        self._systemd.close()
         self._thread.shutdown(wait=True, cancel_futures=True)
 
     async def run(self) -> None:
@@ -133,14 +137,21 @@ class _Process:
             self._companion.tick(now)
             self._flush()
             self._plan()
+            self._tell_systemd(now, loop.time())
             until_slot = self._companion.next_slot_s(now) - now
             if 0.0 < until_slot < self._period_s:
                 loop.call_later(until_slot, self._plan)
             due = max(due + self._period_s, loop.time() - self._period_s)
             await asyncio.sleep(due - loop.time())
 
+    def _tell_systemd(self, now_s: float, steady_s: float) -> None:
+        """After a tick's frames are sent: so a loop that hangs is not called alive by anybody."""
+        status = self._companion.status_line(now_s) if self._report.wants_status(steady_s) else None
+        self._systemd.send(self._report.ticked(steady_s, status))
+
     def _stop(self) -> None:
         self._stops += 1
+        self._systemd.send(["STOPPING=1"])
 
     def _receive(self, link: LinkName, datagram: bytes) -> None:
         self._companion.receive(link, datagram, self._clock())

@@ -10,9 +10,10 @@ from onboard.agent import Agent
 from onboard.clock import MissionClock, usec
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.machine import FlightMachine
+from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["Counts", "planner_status"]
+__all__ = ["Counts", "planner_status", "status_line"]
 
 _MAX_NEIGHBOURS = 32
 _UNKNOWN = 255
@@ -98,6 +99,14 @@ def planner_status(
         over_home=int(machine.over_home),
         neighbour_loss=_percent([peer_loss.get(neighbour) for neighbour in neighbours]),
     )
+
+
+def status_line(time_s: float, machine: FlightMachine, autopilot: AutopilotLink, agent: Agent | None) -> str:
+    """What it is doing at a UNIX time (s), in one line for whoever looks at the computer."""
+    if machine.state in (FlightState.WAIT, FlightState.STANDBY):
+        return f"{machine.state.name}: {autopilot.lacks(time_s) or 'ready to start'}"
+    targets = f", {len(agent.tracks)} targets" if agent is not None else ""
+    return f"{machine.state.name}, autopilot in {autopilot.mode_name}{targets}"
 
 
 def _percent(shares: list[float | None]) -> list[int]:

@@ -2,6 +2,7 @@
 """Faults in a scenario: what is in the vocabulary loads, what is not gets told what is."""
 
 import json
+from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
@@ -39,6 +40,8 @@ MISTAKES = {
     "ends first": ("{component: radio, type: off, from_s: 2.0, until_s: 2.0}", "until_s: 2 is not after from_s = 2"),
     "no such parameter": ("{component: radio, type: off, from_s: 1.0, parameters: {loss: 0.3}}", "parameters: unknown loss; radio off has among_themselves"),
     "out of range": ("{component: radio, type: intermittent, from_s: 1.0, parameters: {loss: 30.0}}", "parameters.loss: 30 should be 0 to 1 (probability that one is lost)"),
+    "comes again, but when": ("{component: radio, type: off, from_s: 1.0, until_s: 2.0, times: 3}", "every_s: goes together with times of more than one"),
+    "comes again while there": ("{component: radio, type: off, from_s: 1.0, until_s: 9.0, times: 3, every_s: 5.0}", "until_s - from_s is at most every_s"),
     "no such vehicle": ("{component: radio, type: off, vehicles: [9], from_s: 1.0}", "simulation.faults[0].vehicles: there is no vehicle 9; the team is 1, 2, 3"),
     "clock since takeoff": ("{component: clock, type: wrong, from_s: 1.0}", "since: a clock's faults count from boot"),
     "the bridge is nobody's": ("{component: bridge, type: off, vehicles: [1], from_s: 1.0}", "vehicles: bridge is nobody's in particular"),
@@ -73,3 +76,12 @@ def test_a_clock_is_off_while_its_fault_lasts_and_gains_on_the_way():
     assert clock_offset_s(clocks, 2, 10.0) == pytest.approx(0.5 + 9.0 * 100e-6)
     assert clock_offset_s(clocks, 2, 11.0) == 0.0
     assert clock_offset_s(clocks, 1, 5.0) == 0.0
+
+
+def test_a_fault_comes_again_as_faults_that_happen_once():
+    again = fault(component="radio", type="off", from_s=20.0, until_s=50.0, times=3, every_s=300.0)
+    assert [(one.from_s, one.until_s) for one in again.occurrences] == [(20.0, 50.0), (320.0, 350.0), (620.0, 650.0)]
+    assert all(one.occurrences == (one,) for one in again.occurrences)
+    soak = load_scenario(Path("configs/soak.yaml")).simulation
+    assert len(soak.script) == 12 * len(soak.faults)
+    assert max(one.until_s for one in soak.script) < 3600.0
