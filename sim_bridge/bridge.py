@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 from onboard.clock import usec
@@ -18,7 +18,7 @@ from onboard.config.simulation import SimulationConfig
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.status_text import encode_status_text
 from onboard.protocol.team_messages import encode_detection
-from sim_bridge.autopilot.links import LinkName
+from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.detector import Detector
 from sim_bridge.errors import require_simulation
 from sim_bridge.faults.injection import FaultInjection
@@ -60,7 +60,7 @@ class _Notifier(Protocol):
         ...
 
 
-class Port(Enum):
+class Port(StrEnum):
     """Where a message of the bridge goes; the first two are the links of an autopilot."""
 
     ONBOARD = "onboard"
@@ -73,6 +73,9 @@ class Port(Enum):
     """From the bridge to the ground station."""
     EXTERNAL = "external"
     """From the bridge to the autopilot of a vehicle that it does not simulate."""
+
+
+_PORTS: Mapping[LinkName, Port] = {ONBOARD: Port.ONBOARD, GCS: Port.GCS}
 
 
 class Outgoing(NamedTuple):
@@ -208,7 +211,7 @@ class Bridge:
         self._capture(time_s)
         for vehicle_id, vehicle in world.vehicles.items():
             for link, message in vehicle.autopilot.outbox():
-                self._outbox.append(Outgoing(Port(link), vehicle_id, message))
+                self._outbox.append(Outgoing(_PORTS[link], vehicle_id, message))
         for vehicle_id, external in world.external.items():
             for message in external.outbox():
                 self._outbox.append(Outgoing(Port.EXTERNAL, vehicle_id, message))

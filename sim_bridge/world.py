@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 
@@ -122,19 +121,21 @@ class World:
         return simulated | {truth.vehicle_id: truth.position for truth in self.external_truth()}
 
     def _watch_separation(self) -> None:
-        separation = self.min_separation_m
-        places = [
+        states = [
             (vehicle_id, vehicle.body.north_m, vehicle.body.east_m, vehicle.body.down_m, vehicle.body.on_ground)
             for vehicle_id, vehicle in self.vehicles.items()
         ]
-        places += [(truth.vehicle_id, *truth.position, truth.down_m > -_ON_GROUND_M) for truth in self.external_truth()]
-        for first, second in combinations(places, 2):
-            if first[4] and second[4]:
-                continue
-            north, east, down = first[1] - second[1], first[2] - second[2], first[3] - second[3]
-            distance = math.sqrt(north * north + east * east + down * down)
-            separation[first[0]] = min(separation[first[0]], distance)
-            separation[second[0]] = min(separation[second[0]], distance)
+        states += [(truth.vehicle_id, *truth.position, truth.down_m > -_ON_GROUND_M) for truth in self.external_truth()]
+        if all(state[4] for state in states):
+            return
+        north, east, down = np.array([state[1:4] for state in states]).T.copy()
+        squares = (north[:, None] - north) ** 2 + (east[:, None] - east) ** 2 + (down[:, None] - down) ** 2
+        stand = np.array([state[4] for state in states])
+        squares[stand[:, None] & stand] = math.inf
+        np.fill_diagonal(squares, math.inf)
+        separation = self.min_separation_m
+        for state, distance_m in zip(states, np.sqrt(squares.min(axis=1)).tolist(), strict=True):
+            separation[state[0]] = min(separation[state[0]], distance_m)
 
 
 def build_world(scenario: Scenario, seed: int, time_s: float, faults: FaultInjection) -> World:

@@ -50,6 +50,14 @@ class ArduPilot:
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
         }
     )
+    data_streams: Mapping[int, int] = MappingProxyType(
+        {
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: mavlink.MAV_DATA_STREAM_POSITION,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: mavlink.MAV_DATA_STREAM_EXTRA1,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: mavlink.MAV_DATA_STREAM_EXTENDED_STATUS,
+            mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: mavlink.MAV_DATA_STREAM_EXTRA3,
+        }
+    )
 
     def mode_name(self, custom_mode: int) -> str:
         """A mode in words."""

@@ -199,6 +199,9 @@ class AutopilotLink:
             wanted = self._streams.request(time_s)
             if wanted is not None:
                 self.ask(wanted, time_s)
+            for group, rate_hz in self._streams.groups():
+                request = mavlink.MAVLink_request_data_stream_message(self._system_id, COMPONENT, group, rate_hz, 1)
+                self._out.append(request)
             self._events += self._streams.events()
             self._seek_origin(time_s)
             self.preflight.poll(time_s)
@@ -275,7 +278,7 @@ class AutopilotLink:
     def _ask_anew(self, time_s: float) -> None:
         """For message rates and parameters: an autopilot that was away may have forgotten or changed them."""
         behaviour = self.behaviour
-        self._streams = StreamWatch(behaviour.rates_hz, time_s)
+        self._streams = StreamWatch(behaviour.rates_hz, behaviour.data_streams, time_s)
         self.parameters.forget()
         self.parameters.bytewise = behaviour.integers_bytewise
         self.preflight = Preflight(self.parameters, () if self._needs is None else behaviour.requirements(self._needs))

@@ -53,6 +53,7 @@ class Behaviour(Protocol):
         guided_mode: HEARTBEAT.custom_mode in which it follows setpoints.
         land_mode: That in which it lands by itself.
         rates_hz: Message id → rate that is asked for.
+        data_streams: Message id → MAV_DATA_STREAM that carries it, for releases that refuse SET_MESSAGE_INTERVAL.
         streams_before_takeoff: Whether it wants setpoints before it is in the air, and climbs by them; else it takes
             off by itself and setpoints during the climb would end it.
         response: How a quadrotor that it flies answers setpoints, as measured.
@@ -70,6 +71,8 @@ class Behaviour(Protocol):
     def land_mode(self) -> int: ...  # noqa: D102
     @property
     def rates_hz(self) -> Mapping[int, float]: ...  # noqa: D102
+    @property
+    def data_streams(self) -> Mapping[int, int]: ...  # noqa: D102
     @property
     def streams_before_takeoff(self) -> bool: ...  # noqa: D102
     @property

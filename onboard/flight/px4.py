@@ -56,6 +56,7 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
         }
     )
+    data_streams: Mapping[int, int] = MappingProxyType({})
 
     def mode_name(self, custom_mode: int) -> str:
         """A mode in words."""

@@ -1,4 +1,8 @@
-"""Message rates: asked for, and checked against what arrives (https://mavlink.io/en/services/command.html)."""
+"""Message rates: asked for, and checked against what arrives (https://mavlink.io/en/services/command.html).
+
+What an autopilot refuses as a single message (old releases of ArduPilot know no SET_MESSAGE_INTERVAL) is asked for as
+the group that carries it (https://mavlink.io/en/messages/common.html#REQUEST_DATA_STREAM).
+"""
 
 from __future__ import annotations
 
@@ -27,11 +31,13 @@ class StreamWatch:
 
     Args:
         rates_hz: Message id → rate.
+        data_streams: Message id → MAV_DATA_STREAM that carries it, as far as there is one.
         time_s: UNIX time at which the first window begins, s.
     """
 
-    def __init__(self, rates_hz: Mapping[int, float], time_s: float) -> None:
+    def __init__(self, rates_hz: Mapping[int, float], data_streams: Mapping[int, int], time_s: float) -> None:
         self._rates_hz = rates_hz
+        self._data_streams = data_streams
         self._window_s = time_s
         self._counts = dict.fromkeys(rates_hz, 0)
         self._asked_s = dict.fromkeys(rates_hz, -math.inf)
@@ -40,6 +46,7 @@ class StreamWatch:
         self._slow: set[int] = set()
         self._told: set[int] = set()
         self._refused: set[int] = set()
+        self._groups: list[tuple[int, int]] = []
         self._events: list[Event] = []
 
     def count(self, message_id: int) -> None:
@@ -61,12 +68,24 @@ class StreamWatch:
     def ended(self, outcome: CommandOutcome) -> None:
         """How the request under way ended; one that is refused is said once and asked for again all the same."""
         asked, self._asking = self._asking, None
-        if asked is None or outcome.accepted or outcome.result is None or asked in self._refused:
+        if asked is None or outcome.accepted or outcome.result is None:
+            return
+        group = self._data_streams.get(asked)
+        if group is not None:
+            self._groups.append((group, round(self._rates_hz[asked])))
+        if asked in self._refused:
             return
         self._refused.add(asked)
+        instead = "" if group is None else "; asking for its group of messages"
         self._say(
-            f"{self._name(asked)} at {self._rates_hz[asked]:g} Hz: the autopilot says {result_name(outcome.result)}"
+            f"{self._name(asked)} at {self._rates_hz[asked]:g} Hz: the autopilot says "
+            f"{result_name(outcome.result)}{instead}"
         )
+
+    def groups(self) -> list[tuple[int, int]]:
+        """The groups to ask for with REQUEST_DATA_STREAM since the last call: MAV_DATA_STREAM and rate, Hz."""
+        groups, self._groups = self._groups, []
+        return groups
 
     def events(self) -> list[Event]:
         """What the operator should know, since the last call."""

@@ -18,6 +18,7 @@ _POSITION_TIMEOUT_S = 0.5
 _REBOOT_MS = 1000
 """A boot time this much below the last one is another boot's; UDP reorders by less."""
 _WRAP_MS = 1 << 31
+_ON_GROUND = {mavlink.MAV_STATE_STANDBY: True, mavlink.MAV_STATE_ACTIVE: False}
 
 
 class Telemetry:
@@ -29,7 +30,8 @@ class Telemetry:
         armed: From the last heartbeat.
         failsafe: Whether the last heartbeat said MAV_STATE_CRITICAL or _EMERGENCY.
         heartbeat_s: UNIX time of the last heartbeat.
-        on_ground: From EXTENDED_SYS_STATE; None before the first.
+        on_ground: From EXTENDED_SYS_STATE; None before the first. Of an old ArduPilot, which does not send it,
+            from HEARTBEAT: it is in standby where it has landed and active in the air, whether armed or not.
         prearm_ok: SYS_STATUS's pre-arm health bit.
         unhealthy: Names of the enabled sensors that SYS_STATUS calls unhealthy.
         battery_percent: 0..100; None if unknown.
@@ -53,6 +55,7 @@ class Telemetry:
         self.yaw_rad: float | None = None
         self._position_s = -math.inf
         self._boot_ms: int | None = None
+        self._tells_landing = False
 
     def receive(self, message: mavlink.MAVLink_message, time_s: float) -> None:
         """Take a message of this autopilot that arrived at a UNIX time."""
@@ -65,6 +68,8 @@ class Telemetry:
                 self.mode = message.custom_mode
                 self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                 self.failsafe = message.system_status in (mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY)
+                if message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA and not self._tells_landing:
+                    self.on_ground = _ON_GROUND.get(message.system_status, self.on_ground)
             case mavlink.MAVLink_local_position_ned_message():
                 if all(math.isfinite(value) for value in (message.x, message.y, message.z)):
                     self.local_position = (message.x, message.y, message.z)
@@ -81,6 +86,7 @@ class Telemetry:
                 )
                 self.battery_percent = message.battery_remaining if message.battery_remaining >= 0 else None
             case mavlink.MAVLink_extended_sys_state_message():
+                self._tells_landing = True
                 self.on_ground = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
 
     def rebooted(self, message: mavlink.MAVLink_message) -> bool:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import operator
+import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.signing import LinkSigning, Verdict
@@ -21,6 +24,8 @@ _BROADCAST_BY_ALL = frozenset(
 """What every other ground station says all the time: unsigned it is dropped as well, but no reason to warn."""
 _MAGIC_V1, _MAGIC_V2 = mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2
 _SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
+_HEADER = struct.Struct("<BBBBBBBHB")
+_Payload = Callable[[mavlink.MAVLink_message], bytes]
 
 
 class Codec:
@@ -48,11 +53,16 @@ class Codec:
 
     def encode(self, message: mavlink.MAVLink_message) -> bytes:
         """The message as one MAVLink 2 frame with the next sequence number."""
+        packer = self._packer
         if self._signing is not None:
-            self._signing.prepare(self._packer)
-        frame = message.pack(self._packer)
-        self._packer.seq = (self._packer.seq + 1) % 256
-        return bytes(frame)
+            self._signing.prepare(packer)
+            frame = bytes(message.pack(packer))
+        elif (payload_of := _PAYLOADS.get(type(message))) is not None:
+            frame = _frame(type(message), payload_of(message), packer)
+        else:
+            frame = bytes(message.pack(packer))
+        packer.seq = (packer.seq + 1) % 256
+        return frame
 
     def decode(self, datagram: bytes) -> list[mavlink.MAVLink_message]:
         """The valid messages of one datagram; what is no valid frame is counted and skipped."""
@@ -94,6 +104,43 @@ class RefusalNotice:
         self._told[link] = (time_s, refused.total(), min(2.0 * pause_s, _LONGEST_PAUSE_S))
         kinds = ", ".join(f"{count} {verdict}" for verdict, count in refused.most_common())
         return f"{refused.total() - told} frames refused on the {link} link; so far {kinds}"
+
+
+def _payload_of(kind: type[mavlink.MAVLink_message]) -> _Payload:
+    """Packs the fields of a message that has more than one."""
+    pack: Callable[..., bytes] = kind.unpacker.pack
+    names, lengths = kind.ordered_fieldnames, kind.array_lengths
+    fields: Callable[[mavlink.MAVLink_message], tuple[Any, ...]] = operator.attrgetter(*names)
+    if not any(lengths):
+        return lambda message: pack(*fields(message))
+
+    def pack_with_arrays(message: mavlink.MAVLink_message) -> bytes:
+        flat: list[Any] = []
+        for value, length in zip(fields(message), lengths, strict=True):
+            flat.extend(value[:length] if length else (value,))
+        return pack(*flat)
+
+    return pack_with_arrays
+
+
+_PAYLOADS: Mapping[type[mavlink.MAVLink_message], _Payload] = {
+    kind: _payload_of(kind)
+    for kind in mavlink.mavlink_map.values()
+    if b"c" not in kind.native_format and len(kind.fieldnames) > 1
+}
+"""The messages of the dialect without text, for which the library does more."""
+
+
+def _frame(kind: type[mavlink.MAVLink_message], payload: bytes, packer: mavlink.MAVLink) -> bytes:
+    """An unsigned MAVLink 2 frame: the library's own way to it takes four times as long."""
+    payload = payload.rstrip(b"\0") or payload[:1]
+    number = kind.id  # of the class: some messages have a field of this name
+    header = _HEADER.pack(
+        _MAGIC_V2, len(payload), 0, 0, packer.seq, packer.srcSystem, packer.srcComponent, number & 0xFFFF, number >> 16
+    )
+    body = header[1:] + payload
+    checksum: int = mavlink.x25crc(body + bytes((kind.crc_extra,))).crc
+    return header[:1] + body + checksum.to_bytes(2, "little")
 
 
 def message_id(frame: bytes) -> int:

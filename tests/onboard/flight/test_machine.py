@@ -53,6 +53,8 @@ class Flight:
         self.may_descend = True
         self.climbing_to: float | None = None
         self.rates_asked: dict[int, float] = {}
+        self.groups_asked: dict[int, int] = {}
+        self.old = False
         self.commands: list[mavlink.MAVLink_command_long_message] = []
         self._codec = Codec(1, 1)
         self._decoder = Codec(1, 191)
@@ -100,18 +102,22 @@ class Flight:
         if self.silent:
             return
         boot_ms = round((self.time_s - self.boot_s) * 1e3)
+        landed = 1 if self.position[2] > -0.02 else 2
         if self._ticks % 50 == 0:
             flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
-            status = mavlink.MAV_STATE_CRITICAL if self.failsafe else mavlink.MAV_STATE_ACTIVE
+            status = mavlink.MAV_STATE_STANDBY if self.old and landed == 1 else mavlink.MAV_STATE_ACTIVE
+            status = mavlink.MAV_STATE_CRITICAL if self.failsafe else status
             self.say(mavlink.MAVLink_heartbeat_message(2, self.behaviour.autopilot, flags, int(self.mode), status, 3))
         if self._ticks % 10 == 0:
             ready = self.ready and self.ready_in in (None, self.mode)
             health = mavlink.MAV_SYS_STATUS_PREARM_CHECK if ready else 0
             self.say(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 12000, 0, 80, 0, 0, 0, 0, 0, 0))
-            landed = 1 if self.position[2] > -0.02 else 2
-            self.say(mavlink.MAVLink_extended_sys_state_message(0, landed))
-        self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *self.position, *self.velocity, 0.0))
-        self.say(mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+            if not self.old:
+                self.say(mavlink.MAVLink_extended_sys_state_message(0, landed))
+        if not self.old or mavlink.MAV_DATA_STREAM_POSITION in self.groups_asked:
+            self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *self.position, *self.velocity, 0.0))
+        if not self.old or mavlink.MAV_DATA_STREAM_EXTRA1 in self.groups_asked:
+            self.say(mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         if self.armed and self.mode == self.behaviour.land_mode:
             self.position[2] = min(self.position[2] + 0.7 * TICK_S, 0.0)
             self.armed = self.position[2] < 0.0
@@ -136,6 +142,8 @@ class Flight:
             return
         if isinstance(message, SetpointMessage):
             self._follow(message)
+        if isinstance(message, mavlink.MAVLink_request_data_stream_message):
+            self.groups_asked[message.req_stream_id] = message.req_message_rate
         if not isinstance(message, mavlink.MAVLink_command_long_message):
             return
         self.commands.append(message)
@@ -494,6 +502,24 @@ def test_message_rates_are_asked_for_and_again_when_too_little_comes(flight: Fli
     asked = [m for m in flight.commands if m.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL]
     again = [int(m.param1) for m in asked[len(flight.rates_asked) :]]
     assert set(again) == {mavlink.MAVLINK_MSG_ID_SYSTEM_TIME}, "the only one that this autopilot does not send"
+
+
+def test_an_old_ardupilot_is_asked_for_groups_of_messages_and_its_heartbeat_tells_where_it_stands() -> None:
+    """Old releases know neither SET_MESSAGE_INTERVAL nor EXTENDED_SYS_STATE."""
+    flight = Flight("ardupilot")
+    flight.old = True
+    flight.refuse[mavlink.MAV_CMD_SET_MESSAGE_INTERVAL] = mavlink.MAV_RESULT_UNSUPPORTED
+    flight.fly_to(FlightState.TRACK)
+    assert flight.groups_asked == {
+        mavlink.MAV_DATA_STREAM_POSITION: 50,
+        mavlink.MAV_DATA_STREAM_EXTRA1: 50,
+        mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: 2,
+        mavlink.MAV_DATA_STREAM_EXTRA3: 1,
+    }
+    assert "ATTITUDE at 50 Hz: the autopilot says unsupported; asking for its group of messages" in flight.texts
+    flight.machine.land(flight.time_s)
+    flight.until(lambda: flight.machine.state is FlightState.LANDED)
+    assert not flight.armed
 
 
 def test_it_waits_above_home_while_a_teammate_may_cross_below_but_not_for_ever(flight: Flight) -> None:
