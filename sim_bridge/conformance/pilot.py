@@ -24,6 +24,7 @@ _READY_S = 120.0
 _READY_AGAIN_S = 5.0
 """For an autopilot that did not get ready the last time."""
 
+_ARM_S = 15.0
 _LAND_S = 60.0
 _TAKEOFF_S = 40.0
 _HOLD_S = 25.0
@@ -194,8 +195,13 @@ class Pilot:
 
     def _arm(self) -> Script[None]:
         dialogue = self.dialogue
-        if not (yield from self._accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)):
-            raise StateNotReachedError("arming is refused")
+        give_up_s = dialogue.time_s + _ARM_S
+        while not (yield from self._accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)):
+            if dialogue.time_s >= give_up_s:
+                said = f"; it said: {dialogue.said}" if dialogue.said else ""
+                raise StateNotReachedError(f"arming is refused for {_ARM_S:g} s{said}")
+            # It told so a while ago; an estimate may be unsteady for seconds after a change of its source.
+            yield from dialogue.sleep(_SETTLE_S)
         if not (yield from dialogue.wait(lambda: dialogue.armed, _HEARTBEAT_S)):
             raise StateNotReachedError("it says that it arms, but its heartbeat does not show it")
 
