@@ -24,6 +24,7 @@ from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
+from onboard.landing_place import LandingPlace
 from onboard.last_resort import LastResort
 from onboard.messages import FlightState, PeerStatus
 from onboard.planning.plan import Plan
@@ -47,7 +48,7 @@ from onboard.protocol.team_messages import (
     read_status,
     read_tile,
 )
-from onboard.status import Counts, planner_status, status_line
+from onboard.status import Counts, Known, planner_status, status_line
 
 __all__ = ["COMPONENT", "Companion", "LinkName", "PlanningJob"]
 
@@ -130,6 +131,7 @@ class Companion:
         self._limits = {name: RateLimit(MAX_RATES_HZ[name]) for name in LinkName}
         self._refusals = RefusalNotice()
         self._last_resort = LastResort(scenario, self.vehicle)
+        self._landing_place = LandingPlace(scenario, self.vehicle)
         self._checksum = primitives_checksum(scenario.primitive_set)
         self._counts = Counts()
         self._peer_frames: dict[int, SequenceMonitor] = {}
@@ -140,6 +142,7 @@ class Companion:
         self._next_heartbeat_s = boot_s
         self._next_status_s = boot_s
         self._next_near_status_s = boot_s
+        self._known: Known | None = None
         self._last_setpoint_s: float | None = None
         self._last_step = -1
         self._planned_step = -1
@@ -182,9 +185,12 @@ class Companion:
             if isinstance(message, mavlink.MAVLink_planner_status_message):
                 self._rejoin(self._status_of_now(message, time_s), time_s)
             return
+        self._last_resort.alive(message.get_srcSystem(), time_s)
         match message:
             case mavlink.MAVLink_planner_status_message():
-                self.agent.receive_status(self._status_of_now(message, time_s), time_s)
+                status = self._status_of_now(message, time_s)
+                self.agent.receive_status(status, time_s)
+                self._last_resort.receive_status(status, self.autopilot.poses.at(status.time_s), time_s)
             case mavlink.MAVLink_target_belief_message():
                 self.agent.receive_belief(read_belief(message, self._clock))
             case mavlink.MAVLink_arvi_plan_message():
@@ -293,6 +299,11 @@ class Companion:
         """Do what is due at a UNIX time; called at the setpoint rate."""
         if self._signing is not None:
             self._signing.advance(time_s)
+        pose, position = self.autopilot.pose(), self.autopilot.position
+        if pose is not None and position is not None:
+            self._known = Known(position, pose.yaw_rad, self.autopilot.velocity)
+        if self.agent is not None and self.machine.state is FlightState.RETURN:
+            self._avoid_taken_home(self.agent, time_s)
         may_descend = self.agent is None or self.agent.team.may_descend(time_s)
         setpoint = self.machine.tick(time_s, may_descend=may_descend)
         if setpoint is None:
@@ -314,6 +325,12 @@ class Companion:
             self._next_near_status_s = time_s + NEAR_STATUS_S
             self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
+
+    def _avoid_taken_home(self, agent: Agent, time_s: float) -> None:
+        home = (self.machine.home.north_m, self.machine.home.east_m)
+        place = self._landing_place.instead_of(home, agent.team.last_heard, self._last_resort.strays)
+        if place is not None:
+            self.machine.land_at(*place, time_s)
 
     def _kept_off(self, setpoint: Setpoint, time_s: float) -> Setpoint:
         """What is streamed: the flight states' wish, off teammates and inside the fence."""
@@ -447,9 +464,7 @@ class Companion:
     def _status_message(self, time_s: float) -> mavlink.MAVLink_planner_status_message:
         rejected = sum(codec.rejected + codec.refused.total() for codec in self._codecs.values())
         loss = {peer: frames.quality(time_s).loss for peer, frames in self._peer_frames.items()}
-        return planner_status(
-            time_s, self._clock, self.machine, self.autopilot, self.agent, self._counts, rejected, loss
-        )
+        return planner_status(time_s, self._clock, self.machine, self._known, self.agent, self._counts, rejected, loss)
 
     def _status(self, time_s: float) -> None:
         for link, codec in self._codecs.items():
@@ -458,7 +473,7 @@ class Companion:
                 self._say(mavlink.MAV_SEVERITY_WARNING, notice)
         message = self._status_message(time_s)
         self._send(LinkName.GROUND, message)
-        if self.autopilot.pose() is not None:
+        if self._known is not None:
             self._send(LinkName.PEERS, message)
 
     def status_line(self, time_s: float) -> str:

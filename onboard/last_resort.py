@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 
+from onboard.config.polygon import Point
 from onboard.config.schema import Scenario, VehicleConfig
 from onboard.flight.separation import Guard, Obstruction
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory, Reference
 from onboard.geometry import Pose
 from onboard.messages import FlightState, PeerStatus
+from onboard.strays import Place, Stray, Strays
 
 __all__ = ["LastResort"]
 
@@ -36,6 +38,7 @@ class LastResort:
 
     Attributes:
         near: Whether a teammate is so near that it should hear more often where this robot is.
+        strays: Teammates that nobody flies, and those that fell silent, however long ago: they may lie there.
     """
 
     def __init__(self, scenario: Scenario, vehicle: VehicleConfig) -> None:
@@ -48,10 +51,20 @@ class LastResort:
         self._drift_m = config.drift_m
         self._speed_m_s = max(primitive.speed_m_s for primitive in scenario.primitive_set)
         self.near = False
+        self.strays: list[Stray] = []
+        self._strays = Strays(scenario)
         self._plans: dict[int, list[PlanTrajectory]] = {}
         self._acted_s = -math.inf
         self._acting = False
         self._news: list[str] = []
+
+    def alive(self, sender: int, time_s: float) -> None:
+        """Something of a peer arrived at a UNIX time."""
+        self._strays.alive(sender, time_s)
+
+    def receive_status(self, status: PeerStatus, then: Pose | None, time_s: float) -> None:
+        """What a peer says of itself, and where this robot was at that time."""
+        self._strays.receive(status, then, time_s)
 
     def receive_plan(self, sender: int, trajectory: PlanTrajectory) -> None:
         """What a peer flies from the start of this trajectory on."""
@@ -59,7 +72,7 @@ class LastResort:
         plans[:] = [*(plan for plan in plans if plan.start_s < trajectory.start_s), trajectory][-PLANS_KEPT:]
 
     def filter(
-        self, setpoint: Setpoint, time_s: float, place: Pose | None, down_m: float, heard: Iterable[PeerStatus]
+        self, setpoint: Setpoint, time_s: float, place: Pose | None, down_m: float, heard: Sequence[PeerStatus]
     ) -> Setpoint:
         """The setpoint with a velocity that keeps off.
 
@@ -73,7 +86,7 @@ class LastResort:
         if not self._enabled or place is None:
             return setpoint
         here = (place.north_m, place.east_m)
-        obstructions = self.obstructions(time_s, down_m, heard)
+        obstructions = self.obstructions(time_s, here, down_m, heard)
         self.near = any(
             math.dist(here, (other.north_m, other.east_m)) - other.distance_m < NEAR_M for other in obstructions
         )
@@ -81,13 +94,23 @@ class LastResort:
         self._watch(setpoint, filtered, time_s)
         return filtered
 
-    def obstructions(self, time_s: float, down_m: float, heard: Iterable[PeerStatus]) -> list[Obstruction]:
-        """Whom to keep off at a UNIX time, and by how much."""
+    def obstructions(self, time_s: float, here: Point, down_m: float, heard: Sequence[PeerStatus]) -> list[Obstruction]:
+        """Whom to keep off at a UNIX time, and by how much: strays in all layers, others in this one."""
+        if self._keep_m <= 0.0:
+            return []
+        strays = self._strays.find(time_s, here, heard, self._place_at)
+        self.strays = [*strays, *(lost for lost in self._strays.lost if lost not in strays)]
         found = []
-        for status in heard if self._keep_m > 0.0 else ():
+        for stray in strays:
+            if not stray.sinks or stray.down_m - down_m < self._layers_m:
+                north_m, east_m = stray.nearest(here)
+                found.append(Obstruction(north_m, east_m, self._keep_m + stray.unsure_m, keeps_off=False))
+        kept_off = {stray.peer for stray in strays}
+        for status in heard:
             age_s = max(time_s - status.time_s, 0.0)
             below_or_above = abs(status.position[2] - down_m) >= self._layers_m
-            if status.state in _ON_THE_GROUND or age_s > self._silence_s or below_or_above:
+            away = status.state in _ON_THE_GROUND or age_s > self._silence_s or below_or_above
+            if away or status.sender in kept_off:
                 continue
             north_m, east_m, unsure_m = self._place_of(status, age_s, time_s)
             found.append(Obstruction(north_m, east_m, self._keep_m + unsure_m))
@@ -97,6 +120,16 @@ class LastResort:
         """What the operator should know since the last call."""
         news, self._news = self._news, []
         return news
+
+    def _place_at(self, status: PeerStatus, time_s: float) -> Place:
+        """Where a peer was and how it moved at a UNIX time: along its plan if it was on it, else as it last did."""
+        north, east, unsure_m = self._place_of(status, max(time_s - status.time_s, 0.0), time_s)
+        now = self._reference(status.sender, time_s)
+        if now is not None and unsure_m == 0.0 and status.state is FlightState.TRACK:
+            return Place((north, east), (now.velocity_north_m_s, now.velocity_east_m_s))
+        elapsed_s = max(time_s - status.time_s, 0.0)
+        north_m_s, east_m_s = status.velocity
+        return Place((north + elapsed_s * north_m_s, east + elapsed_s * east_m_s), status.velocity)
 
     def _place_of(self, status: PeerStatus, age_s: float, time_s: float) -> tuple[float, float, float]:
         """North, east and how far off at most that may be, m."""

@@ -140,6 +140,8 @@ class PeerStatus:
         neighbours: System ids that it hears.
         over_home: Whether it is above its home at its layer, or on the ground.
         time_s: UNIX time at which all this was so, by the sender's clock, s.
+        velocity: North m/s, east m/s.
+        adrift: Whether it is in the air and not flown by its onboard process, as far as that knows.
     """
 
     sender: int
@@ -150,3 +152,5 @@ class PeerStatus:
     neighbours: tuple[int, ...]
     over_home: bool
     time_s: float
+    velocity: tuple[float, float] = (0.0, 0.0)
+    adrift: bool = False

@@ -13,7 +13,7 @@ from onboard.flight.machine import FlightMachine
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["Counts", "planner_status", "status_line"]
+__all__ = ["Counts", "Known", "planner_status", "status_line"]
 
 _MAX_NEIGHBOURS = 32
 _UNKNOWN = 255
@@ -45,11 +45,29 @@ class Counts:
     refused: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Where the vehicle was when that was last known.
+
+    Attributes:
+        position: North m, east m, down m, mission frame.
+        yaw_rad: Heading.
+        velocity: North m/s, east m/s.
+    """
+
+    position: tuple[float, float, float]
+    yaw_rad: float
+    velocity: tuple[float, float]
+
+
+_UNKNOWN_PLACE = Known((math.nan, math.nan, math.nan), math.nan, (math.nan, math.nan))
+
+
 def planner_status(
     time_s: float,
     clock: MissionClock | None,
     machine: FlightMachine,
-    autopilot: AutopilotLink,
+    place: Known | None,
     agent: Agent | None,
     counts: Counts,
     rejected: int,
@@ -61,7 +79,7 @@ def planner_status(
         time_s: UNIX time, s.
         clock: Mission time; None before the start.
         machine: Flight states.
-        autopilot: The vehicle.
+        place: Where the vehicle is, or was when that was last known.
         agent: Algorithm 3; None before the start.
         counts: What was done.
         rejected: Pieces of datagrams on all links that were no valid frame.
@@ -69,17 +87,16 @@ def planner_status(
     """
     neighbours = agent.team.neighbours(time_s)[:_MAX_NEIGHBOURS] if agent is not None else ()
     group = agent.group(time_s) if agent is not None else None
-    pose = autopilot.pose()
+    place = place or _UNKNOWN_PLACE
     error = machine.tracking_error_m(time_s)
     plan_age_s = machine.plan_age_s(time_s)
-    position = autopilot.position or (math.nan, math.nan, math.nan)
     return mavlink.MAVLink_planner_status_message(
         time_usec=usec(time_s),
         mission_start_usec=usec(clock.start_s) if clock is not None else 0,
-        north=position[0],
-        east=position[1],
-        down=position[2],
-        yaw=pose.yaw_rad if pose is not None else math.nan,
+        north=place.position[0],
+        east=place.position[1],
+        down=place.position[2],
+        yaw=place.yaw_rad,
         tracking_error=error if error is not None else math.nan,
         plan_age=plan_age_s if plan_age_s is not None else math.nan,
         setpoint_gap_max=counts.setpoint_gap_max_s,
@@ -98,6 +115,9 @@ def planner_status(
         landmarks=min(agent.landmark_count, _UINT8) if agent is not None else 0,
         over_home=int(machine.over_home),
         neighbour_loss=_percent([peer_loss.get(neighbour) for neighbour in neighbours]),
+        velocity_north=place.velocity[0],
+        velocity_east=place.velocity[1],
+        adrift=int(machine.adrift(time_s)),
     )
 
 

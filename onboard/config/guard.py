@@ -25,4 +25,7 @@ class GuardConfig(Section):
     retreat_m_s: Positive = Field(default=0.5, description="fastest way back from where it must not be")
     retreat_gain_per_s: Positive = 2.0
     silence_s: Positive = Field(default=5.0, description="how long a peer that fell silent is still kept off")
+    stray_s: Positive = Field(
+        default=20.0, description="how long a teammate that fell silent nearby is kept off in all layers"
+    )
     drift_m: NonNegative = Field(default=0.6, description="how far off at most a silent peer is taken to have moved")

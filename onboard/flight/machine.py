@@ -35,8 +35,8 @@ NEAR_LAYER_M = 0.6
 NEAR_LAYER_PATIENCE_S = 2.0
 """Who takes off by its own idea of the height may stop a little off ours; the stream does the rest."""
 OVER_HOME_M = 0.3
-AT_HOME_M = 0.1
-SLOW_M_S = 0.2
+AT_HOME_M = 0.08
+SLOW_M_S = 0.15
 PASSING_M_S = 0.5
 SETTLING_S = 2.0
 """Landing begins at home and slow: an autopilot's landing mode keeps the velocity that it takes over for a while.
@@ -140,6 +140,13 @@ class FlightMachine:
         if self.state in (FlightState.ARM, *_COMMANDED):
             self._enter(FlightState.LAND, time_s)
 
+    def land_at(self, north_m: float, east_m: float, time_s: float) -> None:
+        """On the way home: land there instead, since somebody may lie at home."""
+        away_m = math.dist((north_m, east_m), (self._home.north_m, self._home.east_m))
+        self._home = Pose(north_m, east_m, self._home.yaw_rad)
+        self._say(mavlink.MAV_SEVERITY_WARNING, f"home may be taken by a teammate; landing {away_m:.1f} m from it")
+        self._go_home(time_s, self._link.pose() or self._now(time_s))
+
     def rejoin(self, time_s: float) -> bool:
         """Take up a vehicle that this stack flew before it was started anew; whether that is possible now.
 
@@ -184,6 +191,11 @@ class FlightMachine:
     # What the agent gives.
 
     @property
+    def home(self) -> Pose:
+        """Where it will land, mission frame."""
+        return self._home
+
+    @property
     def wants_plans(self) -> bool:
         """Whether a plan would be flown."""
         return self.state in (FlightState.HOLD, FlightState.TRACK) and not self._paused
@@ -195,6 +207,15 @@ class FlightMachine:
             return True
         near = self._distance_home_m() < OVER_HOME_M and self._speed_m_s < PASSING_M_S
         return self.state is FlightState.RETURN and near
+
+    def adrift(self, time_s: float) -> bool:
+        """Whether the vehicle is in the air and not where this process flies it, as far as it knows."""
+        heard = self._link.heard
+        if self.state in _COMMANDED:
+            return self._holder is not Holder.WE or not self._link.has_position(time_s)
+        if self.state is FlightState.LAND:
+            return not self._link.has_position(time_s)
+        return self.state is not FlightState.LANDED and heard.armed and heard.on_ground is False
 
     @property
     def autopilot_lands(self) -> bool:
@@ -279,16 +300,17 @@ class FlightMachine:
             self._start_stream(previous)
         elif state is FlightState.RETURN:
             self._next = None
-            way = Transfer(
-                time_s, self._now(time_s), self._home.north_m, self._home.east_m, self._config.return_speed_m_s
-            )
-            self.trajectory = way
-            self._return_by_s = way.end_s + self._config.return_patience_s
-            self._arrived_s = math.inf
+            self._go_home(time_s, self._now(time_s))
             self._start_stream(previous)
         elif state is FlightState.LAND:
             self._land_taken = previous is FlightState.ARM
             self._land_shown = False
+
+    def _go_home(self, time_s: float, start: Pose) -> None:
+        way = Transfer(time_s, start, self._home.north_m, self._home.east_m, self._config.return_speed_m_s)
+        self.trajectory = way
+        self._return_by_s = way.end_s + self._config.return_patience_s
+        self._arrived_s = math.inf
 
     def _start_stream(self, previous: FlightState) -> None:
         """Where the autopilot took off by itself, its height is not ours yet."""

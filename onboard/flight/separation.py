@@ -52,11 +52,13 @@ class Obstruction:
         north_m: Where, mission frame.
         east_m: The same, east.
         distance_m: That is to be kept between the centres, the uncertainty of its place included.
+        keeps_off: Whether it keeps off this vehicle, too; else all of the gap is to be left to it.
     """
 
     north_m: float
     east_m: float
     distance_m: float
+    keeps_off: bool = True
 
 
 def approach_speed_m_s(gap_m: float, config: GuardConfig, delay_s: float = 0.0) -> float:
@@ -164,7 +166,7 @@ class Guard:
             apart = math.hypot(north, east)
             if apart < 1e-6:
                 continue  # no direction is better than another
-            gap = 0.5 * (apart - other.distance_m)
+            gap = (0.5 if other.keeps_off else 1.0) * (apart - other.distance_m)
             bounds.append(Bound(north / apart, east / apart, approach_speed_m_s(gap, self._config, delay_s)))
         return bounds
 

@@ -6793,22 +6793,22 @@ class MAVLink_planner_status_message(MAVLink_message):
 
     id = MAVLINK_MSG_ID_PLANNER_STATUS
     msgname = "PLANNER_STATUS"
-    fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home", "neighbour_loss"]
-    ordered_fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home", "neighbour_loss"]
-    fieldtypes = ["uint64_t", "uint64_t", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t"]
+    fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home", "neighbour_loss", "velocity_north", "velocity_east", "adrift"]
+    ordered_fieldnames = ["time_usec", "mission_start_usec", "north", "east", "down", "yaw", "tracking_error", "plan_age", "setpoint_gap_max", "setpoints", "plans", "deadline_misses", "peer_bytes_sent", "peer_bytes_received", "detections", "rejected", "neighbours", "state", "group_size", "group_order", "targets", "landmarks", "over_home", "neighbour_loss", "velocity_north", "velocity_east", "adrift"]
+    fieldtypes = ["uint64_t", "uint64_t", "float", "float", "float", "float", "float", "float", "float", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint32_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "uint8_t", "float", "float", "uint8_t"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {"state": "ARVI_FLIGHT_STATE"}
-    fieldunits_by_name: Dict[str, str] = {"time_usec": "us", "mission_start_usec": "us", "north": "m", "east": "m", "down": "m", "yaw": "rad", "tracking_error": "m", "plan_age": "s", "setpoint_gap_max": "s", "peer_bytes_sent": "bytes", "peer_bytes_received": "bytes", "neighbour_loss": "%"}
-    native_format = bytearray(b"<QQfffffffIIIIIIIBBBBBBBB")
-    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23]
-    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 32, 1, 1, 1, 1, 1, 1, 32]
-    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 32, 0, 0, 0, 0, 0, 0, 32]
+    fieldunits_by_name: Dict[str, str] = {"time_usec": "us", "mission_start_usec": "us", "north": "m", "east": "m", "down": "m", "yaw": "rad", "tracking_error": "m", "plan_age": "s", "setpoint_gap_max": "s", "peer_bytes_sent": "bytes", "peer_bytes_received": "bytes", "neighbour_loss": "%", "velocity_north": "m/s", "velocity_east": "m/s"}
+    native_format = bytearray(b"<QQfffffffIIIIIIIBBBBBBBBffB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 32, 1, 1, 1, 1, 1, 1, 32, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 32, 0, 0, 0, 0, 0, 0, 32, 0, 0, 0]
     crc_extra = 34
-    unpacker = struct.Struct("<QQfffffffIIIIIII32BBBBBBB32B")
+    unpacker = struct.Struct("<QQfffffffIIIIIII32BBBBBBB32BffB")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)):
+    def __init__(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0), velocity_north: float = 0, velocity_east: float = 0, adrift: int = 0):
         MAVLink_message.__init__(self, MAVLink_planner_status_message.id, MAVLink_planner_status_message.msgname)
         self._fieldnames = MAVLink_planner_status_message.fieldnames
         self._instance_field = MAVLink_planner_status_message.instance_field
@@ -6837,9 +6837,12 @@ class MAVLink_planner_status_message(MAVLink_message):
         self.landmarks = landmarks
         self.over_home = over_home
         self.neighbour_loss = neighbour_loss
+        self.velocity_north = velocity_north
+        self.velocity_east = velocity_east
+        self.adrift = adrift
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_usec, self.mission_start_usec, self.north, self.east, self.down, self.yaw, self.tracking_error, self.plan_age, self.setpoint_gap_max, self.setpoints, self.plans, self.deadline_misses, self.peer_bytes_sent, self.peer_bytes_received, self.detections, self.rejected, self.neighbours[0], self.neighbours[1], self.neighbours[2], self.neighbours[3], self.neighbours[4], self.neighbours[5], self.neighbours[6], self.neighbours[7], self.neighbours[8], self.neighbours[9], self.neighbours[10], self.neighbours[11], self.neighbours[12], self.neighbours[13], self.neighbours[14], self.neighbours[15], self.neighbours[16], self.neighbours[17], self.neighbours[18], self.neighbours[19], self.neighbours[20], self.neighbours[21], self.neighbours[22], self.neighbours[23], self.neighbours[24], self.neighbours[25], self.neighbours[26], self.neighbours[27], self.neighbours[28], self.neighbours[29], self.neighbours[30], self.neighbours[31], self.state, self.group_size, self.group_order, self.targets, self.landmarks, self.over_home, self.neighbour_loss[0], self.neighbour_loss[1], self.neighbour_loss[2], self.neighbour_loss[3], self.neighbour_loss[4], self.neighbour_loss[5], self.neighbour_loss[6], self.neighbour_loss[7], self.neighbour_loss[8], self.neighbour_loss[9], self.neighbour_loss[10], self.neighbour_loss[11], self.neighbour_loss[12], self.neighbour_loss[13], self.neighbour_loss[14], self.neighbour_loss[15], self.neighbour_loss[16], self.neighbour_loss[17], self.neighbour_loss[18], self.neighbour_loss[19], self.neighbour_loss[20], self.neighbour_loss[21], self.neighbour_loss[22], self.neighbour_loss[23], self.neighbour_loss[24], self.neighbour_loss[25], self.neighbour_loss[26], self.neighbour_loss[27], self.neighbour_loss[28], self.neighbour_loss[29], self.neighbour_loss[30], self.neighbour_loss[31]), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.time_usec, self.mission_start_usec, self.north, self.east, self.down, self.yaw, self.tracking_error, self.plan_age, self.setpoint_gap_max, self.setpoints, self.plans, self.deadline_misses, self.peer_bytes_sent, self.peer_bytes_received, self.detections, self.rejected, self.neighbours[0], self.neighbours[1], self.neighbours[2], self.neighbours[3], self.neighbours[4], self.neighbours[5], self.neighbours[6], self.neighbours[7], self.neighbours[8], self.neighbours[9], self.neighbours[10], self.neighbours[11], self.neighbours[12], self.neighbours[13], self.neighbours[14], self.neighbours[15], self.neighbours[16], self.neighbours[17], self.neighbours[18], self.neighbours[19], self.neighbours[20], self.neighbours[21], self.neighbours[22], self.neighbours[23], self.neighbours[24], self.neighbours[25], self.neighbours[26], self.neighbours[27], self.neighbours[28], self.neighbours[29], self.neighbours[30], self.neighbours[31], self.state, self.group_size, self.group_order, self.targets, self.landmarks, self.over_home, self.neighbour_loss[0], self.neighbour_loss[1], self.neighbour_loss[2], self.neighbour_loss[3], self.neighbour_loss[4], self.neighbour_loss[5], self.neighbour_loss[6], self.neighbour_loss[7], self.neighbour_loss[8], self.neighbour_loss[9], self.neighbour_loss[10], self.neighbour_loss[11], self.neighbour_loss[12], self.neighbour_loss[13], self.neighbour_loss[14], self.neighbour_loss[15], self.neighbour_loss[16], self.neighbour_loss[17], self.neighbour_loss[18], self.neighbour_loss[19], self.neighbour_loss[20], self.neighbour_loss[21], self.neighbour_loss[22], self.neighbour_loss[23], self.neighbour_loss[24], self.neighbour_loss[25], self.neighbour_loss[26], self.neighbour_loss[27], self.neighbour_loss[28], self.neighbour_loss[29], self.neighbour_loss[30], self.neighbour_loss[31], self.velocity_north, self.velocity_east, self.adrift), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -17806,7 +17809,7 @@ class MAVLink(object):
         """
         self.send(self.explored_tile_encode(tile_north, tile_east, cell, explored), force_mavlink1=force_mavlink1)
 
-    def planner_status_encode(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)) -> MAVLink_planner_status_message:
+    def planner_status_encode(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0), velocity_north: float = 0, velocity_east: float = 0, adrift: int = 0) -> MAVLink_planner_status_message:
         """
         An onboard process's state, broadcast to peers and ground once a step.
 
@@ -17834,11 +17837,14 @@ class MAVLink(object):
         landmarks                 : Exploration landmarks in the last plan. (type:uint8_t)
         over_home                 : 1 if above its home at its layer, or on the ground. (type:uint8_t)
         neighbour_loss            : Frames of each neighbour, in the order of neighbours, that were lost in the last seconds; 255 if unknown. [%] (type:uint8_t)
+        velocity_north            : Velocity estimate, mission frame. [m/s] (type:float)
+        velocity_east             : Velocity estimate, mission frame. [m/s] (type:float)
+        adrift                    : 1 if in the air and, as far as this process knows, not flown by it: in its autopilot's failsafe, let go, its position or its autopilot unheard. (type:uint8_t)
 
         """
-        return MAVLink_planner_status_message(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home, neighbour_loss)
+        return MAVLink_planner_status_message(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home, neighbour_loss, velocity_north, velocity_east, adrift)
 
-    def planner_status_send(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0), force_mavlink1: bool = False) -> None:
+    def planner_status_send(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0), velocity_north: float = 0, velocity_east: float = 0, adrift: int = 0, force_mavlink1: bool = False) -> None:
         """
         An onboard process's state, broadcast to peers and ground once a step.
 
@@ -17866,9 +17872,12 @@ class MAVLink(object):
         landmarks                 : Exploration landmarks in the last plan. (type:uint8_t)
         over_home                 : 1 if above its home at its layer, or on the ground. (type:uint8_t)
         neighbour_loss            : Frames of each neighbour, in the order of neighbours, that were lost in the last seconds; 255 if unknown. [%] (type:uint8_t)
+        velocity_north            : Velocity estimate, mission frame. [m/s] (type:float)
+        velocity_east             : Velocity estimate, mission frame. [m/s] (type:float)
+        adrift                    : 1 if in the air and, as far as this process knows, not flown by it: in its autopilot's failsafe, let go, its position or its autopilot unheard. (type:uint8_t)
 
         """
-        self.send(self.planner_status_encode(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home, neighbour_loss), force_mavlink1=force_mavlink1)
+        self.send(self.planner_status_encode(time_usec, mission_start_usec, north, east, down, yaw, tracking_error, plan_age, setpoint_gap_max, setpoints, plans, deadline_misses, peer_bytes_sent, peer_bytes_received, detections, rejected, neighbours, state, group_size, group_order, targets, landmarks, over_home, neighbour_loss, velocity_north, velocity_east, adrift), force_mavlink1=force_mavlink1)
 
     def target_truth_encode(self, time_usec: int, north: float, east: float, velocity_north: float, velocity_east: float, target_id: int) -> MAVLink_target_truth_message:
         """

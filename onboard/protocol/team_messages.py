@@ -223,8 +223,8 @@ def read_status(message: mavlink.MAVLink_planner_status_message) -> PeerStatus:
         state = FlightState(message.state)
     except ValueError:
         raise MessageError(f"PLANNER_STATUS.state = {message.state} is no ARVI_FLIGHT_STATE") from None
-    position = (message.north, message.east, message.down)
-    if not all(math.isfinite(value) for value in (*position, message.yaw)):
+    position, velocity = (message.north, message.east, message.down), (message.velocity_north, message.velocity_east)
+    if not all(math.isfinite(value) for value in (*position, *velocity, message.yaw)):
         raise MessageError(f"PLANNER_STATUS of vehicle {message.get_srcSystem()} has a pose that is not finite")
     return PeerStatus(
         sender=message.get_srcSystem(),
@@ -235,6 +235,8 @@ def read_status(message: mavlink.MAVLink_planner_status_message) -> PeerStatus:
         neighbours=tuple(neighbour for neighbour in message.neighbours if neighbour),
         over_home=bool(message.over_home),
         time_s=message.time_usec * 1e-6,
+        velocity=velocity,
+        adrift=bool(message.adrift),
     )
 
 

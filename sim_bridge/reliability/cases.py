@@ -92,7 +92,6 @@ class Case:
         return self.fault.until_s
 
 
-_SINKS = Gap("nobody keeps clear of a vehicle that comes down by itself", "^separation")
 _BLIND = Gap(
     "without a position PX4 refuses to land by command and hovers blind", "outside the fence|^not down|^separation"
 )
@@ -130,7 +129,7 @@ _FLYING = _in(_ON, Phase.TAKEOFF, Phase.TRACKING)
 _SILENT_FENCE_M = 2.2
 """A PX4 flies its last setpoint on for 1.05 to 1.13 s (COM_OF_LOSS_T), then brakes: 1.5 m/s with the correction."""
 
-_FAILSAFE = Expected(FAILS_SAFE, 2.4, fence_m=_SILENT_FENCE_M, gap=_SINKS)
+_FAILSAFE = Expected(FAILS_SAFE, 2.4, fence_m=_SILENT_FENCE_M)
 """1.05 to 1.13 s after the last setpoint, shown by the next heartbeat."""
 
 _NOTHING = (Case("nothing", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 5.0, loss=0.0), _EVERYWHERE),)
@@ -187,7 +186,7 @@ _MOCAP = (
     Case("mocap: half lost", _fault(_C.MOCAP, _T.INTERMITTENT, _ONE, 4.0), _EVERYWHERE),
 )
 
-_NO_LINK = Expected(all_of(FAILS_SAFE, says("autopilot link lost")), 5.7, fence_m=_SILENT_FENCE_M, gap=_SINKS)
+_NO_LINK = Expected(all_of(FAILS_SAFE, says("autopilot link lost")), 5.7, fence_m=_SILENT_FENCE_M)
 """4.5 s after the last heartbeat, which was up to 1 s old."""
 
 _REFUSES = Expected(all_of(says("gave up"), STAYS_DOWN), 22.0)
@@ -196,7 +195,7 @@ _AUTOPILOT = (
     Case(
         "autopilot: reboots",
         _fault(_C.AUTOPILOT, _T.OFF, _ONE, 1.0),
-        _in(Expected(says("letting go"), 4.0, gap=_SINKS), Phase.TRACKING, Phase.PAUSED, Phase.RETURNING),
+        _in(Expected(says("letting go"), 4.0), Phase.TRACKING, Phase.PAUSED, Phase.RETURNING),
     ),
     Case("autopilot: refuses to arm", _fault(_C.AUTOPILOT, _T.WRONG, _ONE, None), _in(_REFUSES, Phase.ARMING)),
     Case(
@@ -320,7 +319,7 @@ _CLOCK = (
 _ANYTIME = Case(
     "process: killed at a random moment",
     _fault(_C.PROCESS, _T.OFF, _ONE, None),
-    _in(Expected(SAFE_ALONE, 2.4, fence_m=_SILENT_FENCE_M, gap=_SINKS), *Phase),
+    _in(Expected(SAFE_ALONE, 2.4, fence_m=_SILENT_FENCE_M), *Phase),
 )
 
 CASES = (*_NOTHING, *_RADIO, *_DETECTOR, *_MOCAP, *_AUTOPILOT, *_GROUND, *_PROCESS, *_PLANNER, *_CLOCK)

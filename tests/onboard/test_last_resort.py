@@ -17,6 +17,7 @@ LAB = load_scenario(Path("configs/lab.yaml"))
 GUARD = LAB.flight.guard
 KEEP_M = GUARD.separation_share * LAB.mission.separation_m
 NOW = 1_800_000_000.0
+HERE = (0.5, 1.0)
 STATUS = PeerStatus(2, NOW, FlightState.TRACK, (2.0, 4.0, -1.0), 0.0, (1,), False, NOW)
 NORTHWARD = PlanTrajectory(NOW - 1.0, Pose(1.0, 4.0, 0.0), [Primitive(1.0, 0.0)] * 12, 0.5)
 
@@ -32,7 +33,7 @@ def setpoint(north: float, east: float) -> Setpoint:
 def test_a_peer_on_its_plan_is_extrapolated_along_it() -> None:
     resort = unit()
     resort.receive_plan(2, NORTHWARD)
-    (other,) = resort.obstructions(NOW + 0.4, -1.0, [STATUS])
+    (other,) = resort.obstructions(NOW + 0.4, HERE, -1.0, [STATUS])
     assert (other.north_m, other.east_m, other.distance_m) == pytest.approx((2.4, 4.0, KEEP_M))
 
 
@@ -40,7 +41,7 @@ def test_the_plan_that_is_flown_now_counts_not_the_next_one() -> None:
     resort = unit()
     resort.receive_plan(2, NORTHWARD)
     resort.receive_plan(2, PlanTrajectory(NOW + 1.0, Pose(3.0, 4.0, 1.5), [Primitive(1.0, 3.0)] * 12, 0.5))
-    (other,) = resort.obstructions(NOW + 0.4, -1.0, [STATUS])
+    (other,) = resort.obstructions(NOW + 0.4, HERE, -1.0, [STATUS])
     assert other.north_m == pytest.approx(2.4)
 
 
@@ -49,7 +50,7 @@ def test_a_peer_off_its_plan_is_anywhere_near_and_no_farther_than_the_limit() ->
     resort.receive_plan(2, NORTHWARD)
     astray = dataclasses.replace(STATUS, position=(2.0, 6.0, -1.0))
     for age_s, unsure_m in ((0.2, 0.2), (4.0, GUARD.drift_m)):
-        (other,) = resort.obstructions(NOW + age_s, -1.0, [astray])
+        (other,) = resort.obstructions(NOW + age_s, HERE, -1.0, [astray])
         assert (other.north_m, other.east_m) == (2.0, 6.0)
         assert other.distance_m == pytest.approx(KEEP_M + unsure_m)
 
@@ -64,11 +65,11 @@ def test_a_peer_off_its_plan_is_anywhere_near_and_no_farther_than_the_limit() ->
     ids=["on the ground", "on another layer", "silent for long"],
 )
 def test_who_is_not_in_the_way_is_not_kept_off(status: PeerStatus) -> None:
-    assert unit().obstructions(NOW, -1.0, [status]) == []
+    assert unit().obstructions(NOW, HERE, -1.0, [status]) == []
 
 
 def test_a_peer_that_fell_silent_is_still_kept_off_for_a_while() -> None:
-    assert len(unit().obstructions(NOW + GUARD.silence_s - 0.1, -1.0, [STATUS])) == 1
+    assert len(unit().obstructions(NOW + GUARD.silence_s - 0.1, HERE, -1.0, [STATUS])) == 1
 
 
 def test_the_operator_hears_when_it_acts_and_when_it_is_over() -> None:

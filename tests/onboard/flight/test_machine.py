@@ -545,6 +545,35 @@ def test_landing_begins_over_home_at_rest_not_in_passing(flight: Flight, wind_m_
     assert not any("all the same" in text for text in flight.texts)
 
 
+def test_with_its_home_taken_it_lands_where_it_is_told(flight: Flight) -> None:
+    flight.fly_to(FlightState.TRACK)
+    flight.run(2.0)
+    flight.machine.land(flight.time_s)
+    flight.run(0.1)
+    flight.machine.land_at(1.0, 4.0, flight.time_s)
+    assert not flight.machine.over_home
+    flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=8.0)
+    assert flight.position[:2] == pytest.approx([1.0, 4.0], abs=AT_HOME_M)
+    assert any("landing 2.0 m from it" in text for text in flight.texts)
+
+
+def test_it_is_adrift_while_its_autopilot_does_not_follow_or_is_not_heard(flight: Flight) -> None:
+    flight.fly_to(FlightState.TRACK)
+    assert not flight.machine.adrift(flight.time_s)
+    flight.silent = True
+    flight.run(0.6)
+    assert flight.machine.adrift(flight.time_s)
+    flight.silent = False
+    flight.run(0.1)
+    assert not flight.machine.adrift(flight.time_s)
+    flight.mode = Px4Mode.POSCTL if flight.behaviour is BEHAVIOURS["px4"] else CopterMode.LOITER
+    flight.until(lambda: flight.machine.state is FlightState.RELEASED)
+    assert flight.machine.adrift(flight.time_s)
+    flight.position[2], flight.armed = 0.0, False
+    flight.run(1.1)
+    assert not flight.machine.adrift(flight.time_s)
+
+
 def test_a_vehicle_that_the_wind_keeps_from_home_lands_where_it_got_to(flight: Flight) -> None:
     flight.fly_to(FlightState.TRACK)
     flight.run(2.0)

@@ -143,6 +143,8 @@ def status(**changes: object) -> mavlink.MAVLink_message:
         "mission_start_usec": 1_790_000_000_000_000,
         "state": 5,
         "down": -1.5,
+        "velocity_east": 0.5,
+        "adrift": 1,
     }
     return wire(mavlink.MAVLink_planner_status_message(**(values | changes)))  # type: ignore[arg-type]
 
@@ -154,9 +156,14 @@ def test_a_status_tells_who_is_where_and_whom_it_hears() -> None:
     assert received.mission_start_s == 1_790_000_000.0
     assert received.state is FlightState.TRACK
     assert received.position == (0.0, 0.0, -1.5)
+    assert received.velocity == (0.0, 0.5)
+    assert received.adrift
 
 
-@pytest.mark.parametrize(("changes", "text"), [({"state": 77}, "state = 77"), ({"north": math.inf}, "not finite")])
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [({"state": 77}, "state = 77"), ({"north": math.inf}, "not finite"), ({"velocity_east": math.nan}, "not finite")],
+)
 def test_an_absurd_status_is_refused(changes: dict[str, object], text: str) -> None:
     with pytest.raises(team.MessageError, match=text):
         team.read_status(status(**changes))  # type: ignore[arg-type]

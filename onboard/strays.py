@@ -1,0 +1,174 @@
+"""Strays: teammates in the air that their onboard computers do not fly, or that are heard no more where they should be.
+
+An autopilot that hears no setpoints flies the last one on for a while, brakes and comes down by itself, through the
+layers of others. So a stray is in the way in all layers, on the way that it may have flown since it was last known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from onboard.config.polygon import Point, nearest_on_segment
+from onboard.config.schema import Scenario
+from onboard.geometry import Pose
+from onboard.messages import FlightState, PeerStatus
+
+__all__ = ["FLIES_ON_S", "SILENT_S", "Place", "Stray", "Strays"]
+
+SILENT_S = 1.2
+"""Nothing heard of a teammate for longer is more than a bad radio: it says several things twice a second."""
+
+FLIES_ON_S = 1.5
+"""How long it may fly on as it last did: PX4's COM_OF_LOSS_T, and what braking takes."""
+
+HASTE = 1.2
+"""Corrections make a vehicle faster than its plan."""
+
+UNSURE_M = 0.2
+MOVING_M_S = 0.3
+FRESH_S = 0.5
+
+_FLOWN = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK, FlightState.RETURN, FlightState.LAND)
+_STAYS = (FlightState.HOLD, FlightState.LAND)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a peer was when it was last known to be well, and how it moved.
+
+    Attributes:
+        point: North m, east m.
+        velocity: North m/s, east m/s.
+    """
+
+    point: Point
+    velocity: Point
+
+
+@dataclass(frozen=True, slots=True)
+class Stray:
+    """Somebody who comes down by itself, or may.
+
+    Attributes:
+        peer: System id.
+        begin: North m, east m, where it was last known.
+        end: To where it may have flown on, straight.
+        unsure_m: How far off this line it may be.
+        down_m: Where it was last known, NED.
+        sinks: Whether it is known to come down from there: nobody above it is in danger.
+    """
+
+    peer: int
+    begin: Point
+    end: Point
+    unsure_m: float
+    down_m: float
+    sinks: bool
+
+    def nearest(self, to: Point) -> Point:
+        """The point of its way that is nearest to another."""
+        return nearest_on_segment(self.begin, self.end, to)
+
+
+class Strays:
+    """Judges all teammates by what was heard of them.
+
+    Whoever is in range is heard, so a silent teammate is a stray only if it cannot have left the range in which it was
+    heard before: then it stays one until it is heard, or for ``flight.guard.stray_s``.
+
+    Args:
+        scenario: The team, its speeds.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._speed_m_s = max(
+            scenario.flight.return_speed_m_s, *(primitive.speed_m_s for primitive in scenario.primitive_set)
+        )
+        self._drift_m = scenario.flight.guard.drift_m
+        self._stray_s = scenario.flight.guard.stray_s
+        self._life_s: dict[int, float] = {}
+        self._reach_m: dict[int, float] = {}
+        self._lost: dict[int, Stray] = {}
+        self._moved: dict[int, tuple[float, tuple[float, float, float]]] = {}
+
+    def alive(self, peer: int, time_s: float) -> None:
+        """Something of a peer arrived at a UNIX time."""
+        self._life_s[peer] = time_s
+        self._lost.pop(peer, None)
+
+    def receive(self, status: PeerStatus, then: Pose | None, time_s: float) -> None:
+        """A status that arrived; with where this robot was at its time, it tells how far the peer is heard."""
+        moved = self._moved.get(status.sender)
+        if moved is None or moved[1] != status.position:
+            self._moved[status.sender] = (time_s, status.position)
+        if then is not None and time_s - status.time_s < FRESH_S:
+            apart_m = math.dist(status.position[:2], (then.north_m, then.east_m))
+            self._reach_m[status.sender] = max(self._reach_m.get(status.sender, 0.0), apart_m)
+
+    @property
+    def lost(self) -> list[Stray]:
+        """Silent teammates where they fell silent, however long ago: they may lie there."""
+        return list(self._lost.values())
+
+    def find(
+        self, time_s: float, here: Point, heard: Sequence[PeerStatus], place: Callable[[PeerStatus, float], Place]
+    ) -> list[Stray]:
+        """All strays at a UNIX time.
+
+        Args:
+            time_s: UNIX time, s.
+            here: Where this robot is, north m, east m.
+            heard: The last status of each peer.
+            place: Where a peer was at a UNIX time, by its status and what it planned.
+        """
+        found = []
+        for status in heard:
+            stray = self._silent(status, time_s, here, place) or self._told(status, time_s)
+            if stray is not None:
+                found.append(stray)
+        return found
+
+    def _silent(
+        self, status: PeerStatus, time_s: float, here: Point, place: Callable[[PeerStatus, float], Place]
+    ) -> Stray | None:
+        peer = status.sender
+        life_s = self._life_s.get(peer, status.time_s)
+        if time_s - life_s <= SILENT_S or time_s - life_s > self._stray_s or status.state not in _FLOWN:
+            return None
+        if peer in self._lost:
+            return self._lost[peer]
+        last = place(status, life_s)
+        speed_m_s = 0.0 if status.state in _STAYS or status.over_home else HASTE * self._speed_m_s
+        if math.dist(last.point, here) + speed_m_s * (time_s - life_s) > self._reach_m.get(peer, 0.0):
+            return None
+        stray = self._on_from(status, last, self._drift_m, sinks=False)
+        self._lost[peer] = stray
+        return stray
+
+    def _told(self, status: PeerStatus, time_s: float) -> Stray | None:
+        """Whom its own status calls a stray, or who lands; a place that is not measured any more counts for a while."""
+        lands = status.state is FlightState.LAND and not status.adrift
+        moved_s, _ = self._moved.get(status.sender, (status.time_s, status.position))
+        if not (status.adrift or lands):
+            return None
+        if time_s - max(moved_s, status.time_s if lands else -math.inf) > self._stray_s:
+            return None
+        drift_m = self._drift_m if status.adrift else 0.0
+        place = Place((status.position[0], status.position[1]), status.velocity)
+        return self._on_from(status, place, drift_m, sinks=lands)
+
+    def _on_from(self, status: PeerStatus, place: Place, drift_m: float, *, sinks: bool) -> Stray:
+        (north, east), (north_m_s, east_m_s) = place.point, place.velocity
+        speed_m_s = math.hypot(north_m_s, east_m_s)
+        moves = speed_m_s > MOVING_M_S
+        ahead_s = FLIES_ON_S * min(1.0, HASTE * self._speed_m_s / speed_m_s) if moves else 0.0
+        return Stray(
+            status.sender,
+            (north, east),
+            (north + ahead_s * north_m_s, east + ahead_s * east_m_s),
+            max(UNSURE_M, drift_m if moves else 0.0),
+            status.position[2],
+            sinks,
+        )
