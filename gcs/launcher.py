@@ -28,7 +28,7 @@ from gcs.session import Display, StopRequests, run_session
 from gcs.station import GroundStation
 from gcs.supervisor import ChildExit, Supervisor, tail
 from gcs.team import Event, TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.config import Scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink

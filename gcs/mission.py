@@ -11,7 +11,7 @@ from enum import Enum
 
 from gcs.commands import AUTOPILOT, ONBOARD, land_command, start_command
 from gcs.team import TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.messages import FlightState
 from onboard.protocol.commands import Command
 

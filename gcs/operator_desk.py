@@ -25,7 +25,7 @@ from gcs.commands import (
 )
 from gcs.fleet import FleetAction, FleetOutcome, Verdict
 from gcs.team import Event
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import Command, CommandOutcome, result_name
 

@@ -20,7 +20,7 @@ from rich.text import Text
 
 from gcs.errors import GroundError
 from gcs.team import TeamMonitor
-from gcs.vehicle import VehicleFigures
+from gcs.vehicle_state import VehicleFigures
 
 __all__ = ["FlightFacts", "render", "summarize", "write_json"]
 
@@ -55,7 +55,7 @@ def summarize(team: TeamMonitor, facts: FlightFacts, now_s: float) -> dict[str, 
 
     ``targets`` is how many there are, ``discovered`` how many somebody has seen, ``time_to_discover_s`` says for each
     target, by its id, the time from step 0 to the first belief of it. ``rmse_m`` and ``entropy_nats`` are those of
-    :mod:`gcs.metrics`; a vehicle's figures those of :class:`gcs.vehicle.VehicleFigures`.
+    :mod:`gcs.metrics`; a vehicle's figures those of :class:`gcs.vehicle_state.VehicleFigures`.
     """
     state, figures = team.state(now_s), team.figures()
     discovered = team.metrics.discovered

@@ -9,7 +9,8 @@ from gcs.explored import ExploredArea, ExploredMonitor
 from gcs.metrics import EstimateMetrics, MetricsFigures, NotGaussianError, TargetState
 from gcs.output import printable
 from gcs.tracking import TrackingMonitor
-from gcs.vehicle import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleMonitor, VehicleState
+from gcs.vehicle import VehicleMonitor
+from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleState
 from onboard.clock import MissionClock
 from onboard.config import Scenario
 from onboard.mapping.errors import MappingError

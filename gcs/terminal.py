@@ -22,7 +22,7 @@ from gcs.arena_map import ArenaMap, vehicle_style
 from gcs.dashboard.wording import number, vehicle_is_silent
 from gcs.session import WATCHING, Display
 from gcs.team import Event, TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.config import Scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink

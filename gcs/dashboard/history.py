@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from gcs.dashboard.view import Columns, MapBounds
 from gcs.dashboard.wording import SILENT_S
 from gcs.team import Event, TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 
 __all__ = ["ROWS", "EventLog", "FlightHistory"]
 

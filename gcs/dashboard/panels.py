@@ -17,7 +17,7 @@ from gcs.dashboard.view import MapBounds
 from gcs.dashboard.wording import SILENT_S, flight_state_text, number, onboard_is_silent, vehicle_is_silent
 from gcs.operator_desk import CommandRecord, Outcome, refusal_reason
 from gcs.team import Event, TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 
 __all__ = ["SEVERITIES", "command_lines", "event_lines", "headline", "vehicle_table"]
 

@@ -17,7 +17,7 @@ from gcs.dashboard.wording import SILENT_S, age_text, flight_state_text, number,
 from gcs.fusion import fuse
 from gcs.metrics import Estimate, TargetState
 from gcs.team import TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.config import Scenario
 from onboard.messages import PeerPlan
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 
 __all__ = ["SILENT_S", "age_text", "flight_state_text", "number", "onboard_is_silent", "vehicle_is_silent"]
 

@@ -18,7 +18,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 from zstandard import ZstdError
 
-from gcs.recording.scene import Scene, channels, event_message, nanoseconds
+from gcs.recording.scene import Scene, channels, event_message
+from gcs.recording.scene_parts import nanoseconds
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
 

@@ -24,13 +24,14 @@ from gcs.dashboard.view import MapBounds
 from gcs.dashboard.wording import flight_state_text, vehicle_is_silent
 from gcs.explored import ExploredArea
 from gcs.metrics import Estimate, TargetState
+from gcs.recording import scene_parts as parts
 from gcs.recording.schemas import FRAME_TRANSFORMS, GRID, LOG, SCENE_UPDATE, TARGETS, TEAM, VEHICLE, Schema
 from gcs.team import Event, TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["MAP", "MISSION_NED", "Message", "Scene", "channels", "event_message", "nanoseconds"]
+__all__ = ["MAP", "MISSION_NED", "Message", "Scene", "channels", "event_message"]
 
 MAP = "map"
 MISSION_NED = "mission_ned"
@@ -66,7 +67,7 @@ def event_message(event: Event) -> Message:
     """An event as a log entry."""
     severity = event.severity if 0 <= event.severity < len(_LEVELS) else int(mavlink.MAV_SEVERITY_INFO)
     return "/events", {
-        "timestamp": _time(event.time_s),
+        "timestamp": parts.timestamp(event.time_s),
         "level": _LEVELS[severity],
         "message": event.text,
         "name": event.source,
@@ -106,44 +107,47 @@ class Scene:
             return
         self._phase = phase
         yield "/team", _team_numbers(team, phase, time_left_s)
-        yield "/targets", {"timestamp": _time(now_s), "targets": [_target_numbers(t, now_s) for t in team.targets]}
+        yield (
+            "/targets",
+            {"timestamp": parts.timestamp(now_s), "targets": [_target_numbers(t, now_s) for t in team.targets]},
+        )
         for vehicle in team.vehicles:
             yield f"/vehicle_{vehicle.id}", _vehicle_numbers(vehicle, now_s)
-        yield "/vehicles", _scene(now_s, (self._vehicle(vehicle, now_s) for vehicle in placed))
-        yield "/trails", _scene(now_s, self._trail_entities(placed, now_s))
-        yield "/plans", _scene(now_s, self._plan_entities(team, now_s))
-        yield "/estimates", _scene(now_s, self._estimate_entities(team.targets, now_s))
-        yield "/radio", _scene(now_s, _radio_entities(placed, now_s))
-        yield "/landmarks", _scene(now_s, self._landmark_entities(placed, now_s))
+        yield "/vehicles", parts.scene_update(now_s, (self._vehicle(vehicle, now_s) for vehicle in placed))
+        yield "/trails", parts.scene_update(now_s, self._trail_entities(placed, now_s))
+        yield "/plans", parts.scene_update(now_s, self._plan_entities(team, now_s))
+        yield "/estimates", parts.scene_update(now_s, self._estimate_entities(team.targets, now_s))
+        yield "/radio", parts.scene_update(now_s, _radio_entities(placed, now_s))
+        yield "/landmarks", parts.scene_update(now_s, self._landmark_entities(placed, now_s))
         if any(target.truth is not None for target in team.targets):
-            yield "/truth", _scene(now_s, self._truth_entities(team.targets, now_s))
+            yield "/truth", parts.scene_update(now_s, self._truth_entities(team.targets, now_s))
         if team.explored is not None and team.explored is not self._explored:
             self._explored = team.explored
             yield "/explored", _grid(team.explored, now_s)
 
     def _arena(self, now_s: float) -> dict[str, Any]:
         mission = self._scenario.mission
-        border = _colour(TWO_WAY, 1.0)
-        entities = [_entity("fence", MISSION_NED, now_s, lines=[_line(_ground(mission.fence), border, 3.0, loop=True)])]
-        entities += [
-            _entity(f"obstacle {i}", MISSION_NED, now_s, lines=[_line(_ground(corners), border, 5.0, loop=True)])
-            for i, corners in enumerate(mission.obstacles, 1)
-        ]
-        return _scene(now_s, entities)
+        border = parts.colour(TWO_WAY, 1.0)
+        fence = parts.line(_ground(mission.fence), border, 3.0, loop=True)
+        entities = [parts.entity("fence", MISSION_NED, now_s, lines=[fence])]
+        for i, corners in enumerate(mission.obstacles, 1):
+            outline = parts.line(_ground(corners), border, 5.0, loop=True)
+            entities.append(parts.entity(f"obstacle {i}", MISSION_NED, now_s, lines=[outline]))
+        return parts.scene_update(now_s, entities)
 
     def _vehicle(self, vehicle: VehicleState, now_s: float) -> dict[str, Any]:
         """Arrow, label and the sensor's footprint on the ground, in the vehicle's own frame."""
         colour = ALARM if vehicle_is_silent(vehicle) else self._colours[vehicle.id]
         arrow = {
-            "pose": _pose((-0.15, 0.0, 0.0)),
+            "pose": parts.pose((-0.15, 0.0, 0.0)),
             "shaft_length": 0.2,
             "shaft_diameter": 0.1,
             "head_length": 0.15,
             "head_diameter": 0.2,
-            "color": _colour(colour, 1.0),
+            "color": parts.colour(colour, 1.0),
         }
-        entity = _entity(f"vehicle {vehicle.id}", f"vehicle_{vehicle.id}", now_s, locked=True, arrows=[arrow])
-        entity["texts"] = [_label(f"{vehicle.id} {flight_state_text(vehicle)}", (0.0, 0.0, -0.3), colour)]
+        entity = parts.entity(f"vehicle {vehicle.id}", f"vehicle_{vehicle.id}", now_s, locked=True, arrows=[arrow])
+        entity["texts"] = [parts.label(f"{vehicle.id} {flight_state_text(vehicle)}", (0.0, 0.0, -0.3), colour)]
         sensor = self._scenario.sensor
         half = math.radians(0.5 * min(sensor.fov_deg, 360.0))
         height_m = vehicle.height_m if vehicle.height_m is not None and math.isfinite(vehicle.height_m) else 0.0
@@ -151,15 +155,15 @@ class Scene:
         angles = [half * (2 * i / steps - 1) for i in range(steps + 1)]
         arc = [(sensor.max_range_m * math.cos(a), sensor.max_range_m * math.sin(a), height_m) for a in angles]
         centre = [] if sensor.fov_deg >= 360.0 else [(0.0, 0.0, height_m)]
-        entity["lines"] = [_line([*centre, *arc], _colour(colour, 0.6), 1.5, loop=True)]
+        entity["lines"] = [parts.line([*centre, *arc], parts.colour(colour, 0.6), 1.5, loop=True)]
         return entity
 
     def _trail_entities(self, vehicles: Iterable[VehicleState], now_s: float) -> Iterator[dict[str, Any]]:
         for vehicle in vehicles:
             trail = self._trails[vehicle.id]
             trail.append(_place(vehicle))
-            line = _line(list(trail), _colour(self._colours[vehicle.id], 0.5), 1.5)
-            yield _entity(f"trail {vehicle.id}", MISSION_NED, now_s, lines=[line])
+            line = parts.line(list(trail), parts.colour(self._colours[vehicle.id], 0.5), 1.5)
+            yield parts.entity(f"trail {vehicle.id}", MISSION_NED, now_s, lines=[line])
 
     def _plan_entities(self, team: TeamState, now_s: float) -> Iterator[dict[str, Any]]:
         for vehicle in team.vehicles:
@@ -171,9 +175,9 @@ class Scene:
             easts, norths = planned_path(plan, self._primitives, self._scenario.mission.step_s)
             down_m = _place(vehicle)[2]
             points = [(north_m, east_m, down_m) for north_m, east_m in zip(norths, easts, strict=True)]
-            line = _line(points, _colour(self._colours[vehicle.id], 1.0), 3.0)
+            line = parts.line(points, parts.colour(self._colours[vehicle.id], 1.0), 3.0)
             metadata = {"cost": plan.cost, "lower_bound": plan.lower_bound, "nodes": plan.nodes}
-            yield _entity(f"plan {vehicle.id}", MISSION_NED, now_s, metadata=metadata, lines=[line])
+            yield parts.entity(f"plan {vehicle.id}", MISSION_NED, now_s, metadata=metadata, lines=[line])
 
     def _estimate_entities(self, targets: Iterable[TargetState], now_s: float) -> Iterator[dict[str, Any]]:
         for target in targets:
@@ -181,35 +185,35 @@ class Scene:
             if best is None or not self._bounds.plausible(best.north_m, best.east_m):
                 continue
             centre = (best.north_m, best.east_m, 0.0)
-            entity = _entity(
+            entity = parts.entity(
                 f"target {target.id}",
                 MISSION_NED,
                 now_s,
                 metadata={"robot": best.robot, "entropy_nats": round(best.entropy_nats, 3)},
-                texts=[_label(str(target.id), (best.north_m, best.east_m, -0.15), ESTIMATE)],
-                spheres=[_solid(centre, (0.12, 0.12, 0.12), _colour(ESTIMATE, 1.0))],
+                texts=[parts.label(str(target.id), (best.north_m, best.east_m, -0.15), ESTIMATE)],
+                spheres=[parts.solid(centre, (0.12, 0.12, 0.12), parts.colour(ESTIMATE, 1.0))],
             )
             ellipse = ellipse_95(best.covariance_m2) if best.covariance_m2 is not None else None
             if ellipse is not None:
                 major_m, minor_m, angle = ellipse
                 # The angle runs from east towards north; in mission_ned, yaw runs from north towards east.
-                disc = _solid(centre, (major_m, minor_m, 0.01), _colour(ESTIMATE, 0.3), 0.5 * math.pi - angle)
+                disc = parts.solid(centre, (major_m, minor_m, 0.01), parts.colour(ESTIMATE, 0.3), 0.5 * math.pi - angle)
                 entity["cylinders"] = [{**disc, "bottom_scale": 1.0, "top_scale": 1.0}]
             yield entity
 
     def _truth_entities(self, targets: Iterable[TargetState], now_s: float) -> Iterator[dict[str, Any]]:
         for target in targets:
             if target.truth is not None and self._bounds.plausible(*target.truth):
-                cube = _solid((*target.truth, -0.05), (0.1, 0.1, 0.1), _colour(_TRUTH_COLOUR, 1.0))
-                yield _entity(f"truth {target.id}", MISSION_NED, now_s, cubes=[cube])
+                cube = parts.solid((*target.truth, -0.05), (0.1, 0.1, 0.1), parts.colour(_TRUTH_COLOUR, 1.0))
+                yield parts.entity(f"truth {target.id}", MISSION_NED, now_s, cubes=[cube])
 
     def _landmark_entities(self, vehicles: Iterable[VehicleState], now_s: float) -> Iterator[dict[str, Any]]:
         for vehicle in vehicles:
             places = [place for place in vehicle.landmarks if self._bounds.plausible(*place)]
             if places and not vehicle_is_silent(vehicle):
-                colour = _colour(self._colours[vehicle.id], 0.7)
-                cubes = [_solid((*place, 0.0), (0.12, 0.12, 0.02), colour, 0.25 * math.pi) for place in places]
-                yield _entity(f"landmarks {vehicle.id}", MISSION_NED, now_s, cubes=cubes)
+                colour = parts.colour(self._colours[vehicle.id], 0.7)
+                cubes = [parts.solid((*place, 0.0), (0.12, 0.12, 0.02), colour, 0.25 * math.pi) for place in places]
+                yield parts.entity(f"landmarks {vehicle.id}", MISSION_NED, now_s, cubes=cubes)
 
 
 def _radio_entities(vehicles: list[VehicleState], now_s: float) -> Iterator[dict[str, Any]]:
@@ -220,17 +224,17 @@ def _radio_entities(vehicles: list[VehicleState], now_s: float) -> Iterator[dict
             if there or back:
                 losses = [first.peer_loss.get(second.id, 0.0)] * there + [second.peer_loss.get(first.id, 0.0)] * back
                 colour, pixels = link_style(max(losses))
-                line = _line([_place(first), _place(second)], _colour(colour, 0.6), pixels)
-                yield _entity(f"radio {first.id} {second.id}", MISSION_NED, now_s, lines=[line])
+                line = parts.line([_place(first), _place(second)], parts.colour(colour, 0.6), pixels)
+                yield parts.entity(f"radio {first.id} {second.id}", MISSION_NED, now_s, lines=[line])
 
 
 def _map_from_ned(now_s: float) -> dict[str, Any]:
-    return _transform(MAP, MISSION_NED, now_s, (0.0, 0.0, 0.0), (_HALF_TURN, _HALF_TURN, 0.0, 0.0))
+    return parts.transform(MAP, MISSION_NED, now_s, (0.0, 0.0, 0.0), (_HALF_TURN, _HALF_TURN, 0.0, 0.0))
 
 
 def _body(vehicle: VehicleState, now_s: float) -> dict[str, Any]:
     yaw = vehicle.yaw_rad if vehicle.yaw_rad is not None and math.isfinite(vehicle.yaw_rad) else 0.0
-    return _transform(MISSION_NED, f"vehicle_{vehicle.id}", now_s, _place(vehicle), _about_z(yaw))
+    return parts.transform(MISSION_NED, f"vehicle_{vehicle.id}", now_s, _place(vehicle), parts.about_z(yaw))
 
 
 def _place(vehicle: VehicleState) -> tuple[float, float, float]:
@@ -242,7 +246,7 @@ def _place(vehicle: VehicleState) -> tuple[float, float, float]:
 def _team_numbers(team: TeamState, phase: str, time_left_s: float | None) -> dict[str, Any]:
     figures = team.figures
     return _finite(
-        timestamp=_time(team.time_s),
+        timestamp=parts.timestamp(team.time_s),
         phase=phase,
         time_left_s=time_left_s,
         discovered=team.discovered,
@@ -258,7 +262,7 @@ def _team_numbers(team: TeamState, phase: str, time_left_s: float | None) -> dic
 def _vehicle_numbers(vehicle: VehicleState, now_s: float) -> dict[str, Any]:
     plan = vehicle.plan
     return _finite(
-        timestamp=_time(now_s),
+        timestamp=parts.timestamp(now_s),
         id=vehicle.id,
         flight_state=vehicle.flight_state.name if vehicle.flight_state is not None else None,
         mode=vehicle.mode,
@@ -296,7 +300,7 @@ def _target_numbers(target: TargetState, now_s: float) -> dict[str, Any]:
     best: Estimate | None = target.best
     truth = target.truth
     return _finite(
-        timestamp=_time(best.time_s if best is not None else now_s),
+        timestamp=parts.timestamp(best.time_s if best is not None else now_s),
         id=target.id,
         known_by=len(target.known_by),
         robot=best.robot if best is not None else None,
@@ -320,64 +324,6 @@ def _finite(**values: Any) -> dict[str, Any]:
     return kept
 
 
-def _scene(now_s: float, entities: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """All of a topic: what was there before goes."""
-    return {"deletions": [{"timestamp": _time(now_s), "type": 1, "id": ""}], "entities": list(entities)}
-
-
-def _entity(
-    name: str,
-    frame: str,
-    now_s: float,
-    *,
-    locked: bool = False,
-    metadata: dict[str, Any] | None = None,
-    **primitives: list[dict[str, Any]],
-) -> dict[str, Any]:
-    kinds = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
-    return {
-        "timestamp": _time(now_s),
-        "frame_id": frame,
-        "id": name,
-        "lifetime": {"sec": 0, "nsec": 0},
-        "frame_locked": locked,
-        "metadata": [{"key": key, "value": str(value)} for key, value in (metadata or {}).items()],
-        **{kind: primitives.get(kind, []) for kind in kinds},
-    }
-
-
-def _line(
-    points: Iterable[tuple[float, float, float]], colour: dict[str, float], pixels: float, *, loop: bool = False
-) -> dict[str, Any]:
-    return {
-        "type": int(loop),
-        "pose": _pose((0.0, 0.0, 0.0)),
-        "thickness": pixels,
-        "scale_invariant": True,
-        "points": [_xyz(point) for point in points],
-        "color": colour,
-        "colors": [],
-        "indices": [],
-    }
-
-
-def _label(text: str, place: tuple[float, float, float], colour: str) -> dict[str, Any]:
-    return {
-        "pose": _pose(place),
-        "billboard": True,
-        "font_size": 14.0,
-        "scale_invariant": True,
-        "color": _colour(colour, 1.0),
-        "text": text,
-    }
-
-
-def _solid(
-    centre: tuple[float, float, float], size: tuple[float, float, float], colour: dict[str, float], yaw: float = 0.0
-) -> dict[str, Any]:
-    return {"pose": _pose(centre, yaw), "size": _xyz(size), "color": colour}
-
-
 def _grid(area: ExploredArea, now_s: float) -> dict[str, Any]:
     """The explored cells in blue, in the frame ``map``: rows go north (y), columns east (x)."""
     rows, columns = area.cells.shape
@@ -385,9 +331,9 @@ def _grid(area: ExploredArea, now_s: float) -> dict[str, Any]:
     pixels[area.cells] = (86, 180, 233, 60)
     names = ("red", "green", "blue", "alpha")
     return {
-        "timestamp": _time(now_s),
+        "timestamp": parts.timestamp(now_s),
         "frame_id": MAP,
-        "pose": _pose((area.west_m, area.south_m, -0.02)),
+        "pose": parts.pose((area.west_m, area.south_m, -0.02)),
         "column_count": columns,
         "cell_size": {"x": area.cell_m, "y": area.cell_m},
         "row_stride": 4 * columns,
@@ -397,44 +343,5 @@ def _grid(area: ExploredArea, now_s: float) -> dict[str, Any]:
     }
 
 
-def _transform(
-    parent: str, child: str, now_s: float, place: tuple[float, float, float], turn: tuple[float, float, float, float]
-) -> dict[str, Any]:
-    return {
-        "timestamp": _time(now_s),
-        "parent_frame_id": parent,
-        "child_frame_id": child,
-        "translation": _xyz(place),
-        "rotation": dict(zip("xyzw", turn, strict=True)),
-    }
-
-
-def _pose(place: tuple[float, float, float], yaw: float = 0.0) -> dict[str, Any]:
-    return {"position": _xyz(place), "orientation": dict(zip("xyzw", _about_z(yaw), strict=True))}
-
-
-def _about_z(angle: float) -> tuple[float, float, float, float]:
-    return 0.0, 0.0, round(math.sin(0.5 * angle), 6), round(math.cos(0.5 * angle), 6)
-
-
 def _ground(corners: Iterable[tuple[float, float]]) -> list[tuple[float, float, float]]:
     return [(north_m, east_m, 0.0) for north_m, east_m in corners]
-
-
-def _xyz(values: tuple[float, float, float]) -> dict[str, float]:
-    return {name: round(value, 4) for name, value in zip("xyz", values, strict=True)}
-
-
-def _colour(code: str, alpha: float) -> dict[str, float]:
-    red, green, blue = (round(int(code[i : i + 2], 16) / 255, 3) for i in (1, 3, 5))
-    return {"r": red, "g": green, "b": blue, "a": alpha}
-
-
-def _time(time_s: float) -> dict[str, int]:
-    sec, nsec = divmod(nanoseconds(time_s), 1_000_000_000)
-    return {"sec": sec, "nsec": nsec}
-
-
-def nanoseconds(time_s: float) -> int:
-    """A UNIX time in ns, so exact that dividing by 10⁹ gives it back."""
-    return int(time_s) * 1_000_000_000 + round(time_s % 1.0 * 1e9)

@@ -10,7 +10,7 @@ from gcs import summary
 from gcs.recording.reader import Recording
 from gcs.recording.replay import Replay
 from gcs.team import Event, TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.messages import FlightState, PeerPlan
 
 __all__ = ["FlightSeries", "PlanPoint", "VehicleSeries", "read_series"]

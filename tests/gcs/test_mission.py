@@ -9,7 +9,7 @@ from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.metrics import MetricsFigures
 from gcs.mission import HURRIED, UNHURRIED, MissionDirector, Phase
 from gcs.team import TeamState
-from gcs.vehicle import VehicleState
+from gcs.vehicle_state import VehicleState
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
