@@ -54,7 +54,10 @@ DashboardPort = Annotated[
     int, typer.Option(metavar="PORT", min=1, max=65535, help="TCP port of the dashboard; if in use, the next free one.")
 ]
 DashboardHost = Annotated[
-    str, typer.Option(metavar="ADDRESS", help="Address of the dashboard; whoever reaches it can command the team.")
+    str,
+    typer.Option(
+        metavar="ADDRESS", help="Address of the dashboard; other than this machine's own it asks for the printed token."
+    ),
 ]
 
 Forward = Annotated[

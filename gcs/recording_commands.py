@@ -47,7 +47,7 @@ def replay(
             recording.scenario, feed, address, lambda _, feed: ReplayBoard(feed, Player(recording, speed))
         ):
             length = f"{recording.end_s - recording.start_s:.0f} s of {recording.scenario.name}"
-            console.print(f"replay: {address.url} ({length}; Ctrl-C ends it)", highlight=False, soft_wrap=True)
+            console.print(f"replay: {address.entrance} ({length}; Ctrl-C ends it)", highlight=False, soft_wrap=True)
             while feed.failure is None:
                 time.sleep(0.2)
             _end(EXIT_FAILED, f"the replay ended: {feed.failure}")

@@ -10,11 +10,12 @@ import asyncio
 import errno
 import ipaddress
 import logging
+import secrets
 import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gcs.dashboard.board import Board, DashboardFeed
@@ -33,6 +34,7 @@ DEFAULT_PORT = 5006
 LOOPBACK = "127.0.0.1"
 
 _PORTS_TRIED = 20
+_TOKEN_BYTES = 24
 _START_PATIENCE_S = 90.0
 _STOP_PATIENCE_S = 2.0
 _REFRESH_S = 0.1
@@ -46,16 +48,23 @@ class Address:
     Attributes:
         host: IPv4 address, or name of this machine, that it is bound to.
         port: TCP port.
+        token: What a visitor must know; empty where only this machine gets in.
     """
 
     host: str
     port: int
+    token: str = field(default="", repr=False)
 
     @property
     def url(self) -> str:
         """For a browser on this machine, or on the network when bound to more than the loopback interface."""
         host = socket.gethostname() if self.host == "0.0.0.0" else self.host
         return f"http://{host}:{self.port}/"
+
+    @property
+    def entrance(self) -> str:
+        """The same with the token, for the operator's eyes only."""
+        return f"{self.url}?token={self.token}" if self.token else self.url
 
     @property
     def loopback_only(self) -> bool:
@@ -67,7 +76,7 @@ class Address:
 
 
 def find_port(host: str, port: int) -> Address:
-    """The first free TCP port from this one on.
+    """The first free TCP port from this one on, and a new token if other machines can reach it.
 
     Raises:
         GroundError: None of twenty is free, or the host's address is not this machine's.
@@ -83,7 +92,8 @@ def find_port(host: str, port: int) -> Address:
                     continue
                 reason = error.strerror or str(error)
                 raise GroundError(f"dashboard: {host}:{candidate} cannot be had: {reason}") from None
-            return Address(host, candidate)
+            token = "" if Address(host, candidate).loopback_only else secrets.token_urlsafe(_TOKEN_BYTES)
+            return Address(host, candidate, token)
     raise GroundError(
         f"dashboard: TCP ports {port} to {last - 1} of {host} are all in use; choose another with --dashboard-port, "
         "or fly without: --no-dashboard"
@@ -184,9 +194,11 @@ def _make_server(board: Board, address: Address) -> Server:
     # Bokeh takes most of a second to import: only who shows a dashboard pays for it, in the dashboard's thread.
     from bokeh.application import Application  # noqa: PLC0415
     from bokeh.application.handlers import FunctionHandler  # noqa: PLC0415
+    from bokeh.server.auth_provider import NullAuth  # noqa: PLC0415
     from bokeh.server.server import Server  # noqa: PLC0415
     from tornado.ioloop import IOLoop  # noqa: PLC0415
 
+    from gcs.dashboard.access import TokenAccess  # noqa: PLC0415
     from gcs.dashboard.page import COOKIE, build_page  # noqa: PLC0415
 
     for name in _LOGGERS:  # a browser that leaves is no news for the operator's terminal
@@ -205,12 +217,17 @@ def _make_server(board: Board, address: Address) -> Server:
     origins = [f"127.0.0.1:{local}", f"localhost:{local}"]
     if not address.loopback_only:
         origins.append(f"*:{local}")
+    access = TokenAccess(address.token, address.port) if address.token else None
     return Server(
         {"/": Application(FunctionHandler(open_page))},
         io_loop=IOLoop.current(),
         address=address.host,
         port=address.port,
         allow_websocket_origin=origins,
+        auth_provider=access or NullAuth(),
+        # Bokeh copies a visitor's cookies into the page; this one is for the browser alone.
+        exclude_cookies=[] if access is None else [access.cookie],
+        exclude_headers=["Cookie"],
         check_unused_sessions_milliseconds=5_000,
         unused_session_lifetime_milliseconds=10_000,
         session_token_expiration=3600,
