@@ -315,16 +315,18 @@ def check(
     """
     from gcs.errors import GroundError
     from gcs.output import open_console
-    from gcs.preflight import check_simulation
+    from gcs.preflight import check_signing, check_simulation
     from gcs.scenario_table import render_scenario
-    from onboard.config import ConfigError, load_scenario
+    from onboard.config import load_scenario
+    from onboard.errors import OnboardError
 
     wrong = 0
     for config in configs:
         try:
             scenario = load_scenario(config)
             check_simulation(config, scenario, None)
-        except (ConfigError, GroundError) as error:
+            check_signing(scenario)
+        except (OnboardError, GroundError) as error:
             wrong += 1
             typer.echo(str(error), err=True)
         else:

@@ -20,7 +20,7 @@ from gcs.folder import run_folder
 from gcs.mission import MissionDirector, Phase
 from gcs.operator_desk import OperatorDesk
 from gcs.ports import check_free, needed_ports
-from gcs.preflight import check_simulation
+from gcs.preflight import check_signing, check_simulation
 from gcs.process_faults import BRIDGE, Order, ProcessFaults
 from gcs.recording.display import RecordedDisplay
 from gcs.recording.recorder import DEFAULT_LIMIT_MB, Recorder, record_flight
@@ -118,6 +118,7 @@ async def fly(
 
     Raises:
         GroundError: Ports are in use, the recording's folder cannot be made, or the scenario cannot be simulated.
+        SigningError: The team's key cannot be used.
         TransportError: The ground station's port is in use.
     """
     if options.scenario.simulation is None:
@@ -126,6 +127,7 @@ async def fly(
             "`arvi onboard CONFIG --vehicle N` on each vehicle and `arvi gcs CONFIG --start` on the ground"
         )
     check_simulation(options.config, options.scenario, options.seed)
+    check_signing(options.scenario)
     check_free(needed_ports(options.scenario))
     stop = StopRequests()
     with stop.listening(), run_folder(options.record, options.scenario.name) as folder:

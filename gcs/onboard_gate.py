@@ -1,12 +1,18 @@
-"""Who may speak for an onboard process: with a team's key, only who signs with it. Autopilots' telemetry stays open."""
+"""What is believed on the team's link once the team has a key: what it signed, and the telemetry on a short list.
+
+Without a signature only these are heard: the components of the team's own vehicles other than their onboard processes
+(autopilots, cameras and gimbals do not have the key), and the bridge where there is one. Their word moves no onboard
+process: it fills the display.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 
 from gcs.commands import ONBOARD
 from onboard.protocol.addressing import SystemComponent
-from onboard.protocol.codec import RefusalNotice
+from onboard.protocol.codec import BROADCAST_BY_ALL, RefusalNotice, message_id
 from onboard.protocol.signing import SignedLink, Signing, Verdict
 
 __all__ = ["OnboardGate"]
@@ -17,14 +23,16 @@ class OnboardGate:
 
     Args:
         signing: The station's; None lets everything in.
+        unsigned_systems: Systems whose components are heard without a signature, their onboard processes excepted.
 
     Attributes:
         signing: For what the station sends; None leaves it unsigned.
     """
 
-    def __init__(self, signing: Signing | None) -> None:
+    def __init__(self, signing: Signing | None, unsigned_systems: Collection[int] = ()) -> None:
         self.signing = None if signing is None else signing.link(SignedLink.GROUND)
         self._process = signing
+        self._unsigned_systems = frozenset(unsigned_systems)
         self._refused: Counter[Verdict] = Counter()
         self._notice = RefusalNotice()
 
@@ -35,10 +43,11 @@ class OnboardGate:
 
     def lets_in(self, frame: bytes, source: SystemComponent) -> bool:
         """Whether a frame is believed; a vehicle's onboard process signs every one."""
-        if self.signing is None or source[1] != ONBOARD:
+        if self.signing is None or (source[1] != ONBOARD and source[0] in self._unsigned_systems):
             return True
         verdict = self.signing.verify(frame)
-        if verdict is not Verdict.GENUINE:
+        stranger = verdict is Verdict.UNSIGNED and source[1] != ONBOARD and message_id(frame) in BROADCAST_BY_ALL
+        if verdict is not Verdict.GENUINE and not stranger:
             self._refused[verdict] += 1
         return verdict is Verdict.GENUINE
 

@@ -6,11 +6,22 @@ from pathlib import Path
 
 from gcs.errors import GroundError
 from onboard.config import Scenario
+from onboard.protocol.signing_files import read_key
 from sim_bridge.bridge import build_bridge
 from sim_bridge.errors import BridgeError
 from sim_bridge.ports import find_ports
 
-__all__ = ["check_simulation"]
+__all__ = ["check_signing", "check_simulation"]
+
+
+def check_signing(scenario: Scenario) -> None:
+    """Read the team's key, if the scenario names one, as every process of a flight will.
+
+    Raises:
+        SigningError: It is not there, others can read it, or it is none; the text names the file and what to do.
+    """
+    if scenario.signing is not None:
+        read_key(Path(scenario.signing.key_file))
 
 
 def check_simulation(config: Path, scenario: Scenario, seed: int | None) -> None:

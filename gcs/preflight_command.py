@@ -45,11 +45,14 @@ def preflight(
     Exits with 0 for go, 1 for no-go, 2 for bad input.
     """
     from gcs.parameter_check import check_vehicle  # noqa: PLC0415
-    from onboard.config import ConfigError, load_scenario  # noqa: PLC0415
+    from gcs.preflight import check_signing  # noqa: PLC0415
+    from onboard.config import load_scenario  # noqa: PLC0415
+    from onboard.errors import OnboardError  # noqa: PLC0415
 
     try:
         scenario = load_scenario(config)
-    except ConfigError as error:
+        check_signing(scenario)
+    except OnboardError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(_BAD_INPUT) from None
     known = [configured.id for configured in scenario.vehicles]

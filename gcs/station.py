@@ -83,7 +83,10 @@ class GroundStation:
         self._keeper = None
         if scenario.signing is not None:
             self._keeper = SigningKeeper(scenario.signing, f"ground-{self._identity[0]}-{component_id}")
-        self._gate = OnboardGate(None if self._keeper is None else self._keeper.signing)
+        unsigned = {vehicle.id for vehicle in scenario.vehicles}
+        if scenario.simulation is not None:
+            unsigned.add(scenario.simulation.system_id)
+        self._gate = OnboardGate(None if self._keeper is None else self._keeper.signing, unsigned)
         self._codec = Codec(*self._identity, self._gate.signing)
         self._reader = Codec(*self._identity)
         self._commands = CommandClient()

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from onboard.config.base import NonNegative, Positive, Section, SystemId
+from onboard.config.exposure import leaving
 from onboard.config.external import External
 from onboard.config.guard import GuardConfig
 from onboard.config.mocap import RealMocapConfig
@@ -276,6 +277,17 @@ class VehicleConfig(Section):
         return self.links.ground or "udpout:127.0.0.1:14550"
 
     @property
+    def team_links(self) -> dict[str, str]:
+        """The URLs of all that may reach a real vehicle, by their keys."""
+        urls = {
+            "links.autopilot": self.autopilot_url,
+            "links.peers": self.peers_url,
+            "links.sensor": self.sensor_url,
+            "links.ground": self.ground_url,
+        }
+        return urls if self.external is None else {**urls, "external.link": self.external_url}
+
+    @property
     def external_url(self) -> str:
         """The bridge's own link to an external autopilot.
 
@@ -333,7 +345,12 @@ class Scenario(Section):
     vehicles: Annotated[tuple[VehicleConfig, ...], Field(min_length=1, max_length=MAX_SYSTEM_ID)]
     ground: GroundConfig = GroundConfig()
     mocap: RealMocapConfig | None = None
-    signing: SigningConfig | None = Field(default=None, description="null leaves peer and ground links unsigned")
+    signing: SigningConfig | None = Field(
+        default=None, description="null leaves peer and ground links unsigned; real vehicles then need unsigned: true"
+    )
+    unsigned: bool = Field(
+        default=False, description="real vehicles whose peer and ground links are not signed, on purpose"
+    )
     simulation: SimulationConfig | None = None
 
     @field_validator("primitives")
@@ -434,6 +451,24 @@ class Scenario(Section):
                         f"mocap.bodies: {name} is vehicle {vehicle_id}, which is no vehicle here with external: "
                         "{pose: mocap}"
                     )
+        return self
+
+    @model_validator(mode="after")
+    def _real_vehicles_are_signed_for(self) -> Self:
+        """A vehicle is real if nobody simulates it here and one of its links leaves this machine."""
+        if self.signing is not None:
+            if self.unsigned:
+                raise ValueError("unsigned: true contradicts the section signing; leave one of them out")
+            return self
+        for i, vehicle in enumerate(self.vehicles):
+            simulated = self.simulation is not None and vehicle.external is None
+            link = None if simulated else leaving(vehicle.team_links)
+            if link is not None and not self.unsigned:
+                raise ValueError(
+                    f"signing: is missing, and vehicles[{i}] is real ({link} leaves this machine). Make a key with "
+                    "`arvi keygen team.key`, copy it to every vehicle and the ground station, and write signing: "
+                    "{key_file: team.key}; or write unsigned: true, and whoever reaches the links commands the team"
+                )
         return self
 
     @model_validator(mode="after")

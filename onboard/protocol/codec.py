@@ -12,13 +12,13 @@ from typing import Any
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.signing import LinkSigning, Verdict
 
-__all__ = ["BROADCAST", "Codec", "RefusalNotice", "frame_length", "message_id", "split_frames"]
+__all__ = ["BROADCAST", "BROADCAST_BY_ALL", "Codec", "RefusalNotice", "frame_length", "message_id", "split_frames"]
 
 BROADCAST = 0
 """Target system or component that addresses everybody."""
 
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 10.0, 600.0
-_BROADCAST_BY_ALL = frozenset(
+BROADCAST_BY_ALL = frozenset(
     {mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_TIMESYNC, mavlink.MAVLINK_MSG_ID_SYSTEM_TIME}
 )
 """What every other ground station says all the time: unsigned it is dropped as well, but no reason to warn."""
@@ -84,7 +84,7 @@ class Codec:
             return True
         verdict = self._signing.verify(frame)
         if verdict is not Verdict.GENUINE and not (
-            verdict is Verdict.UNSIGNED and message_id(frame) in _BROADCAST_BY_ALL
+            verdict is Verdict.UNSIGNED and message_id(frame) in BROADCAST_BY_ALL
         ):
             self.refused[verdict] += 1
         return verdict is Verdict.GENUINE

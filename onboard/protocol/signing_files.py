@@ -47,7 +47,8 @@ def read_key(path: Path) -> SigningKey:
             text = file.read(1024)
     except OSError as error:
         raise SigningError(
-            f"signing key {path}: {error.strerror}; arvi keygen makes one, and every vehicle and the ground need it"
+            f"signing key {path}: {error.strerror}. Make one with `arvi keygen {path}`, once for the team, and copy it "
+            "to every vehicle and the ground station"
         ) from None
     if mode & 0o077:
         raise SigningError(f"signing key {path}: others can read it (mode {mode:04o}); chmod 600 {path}")

@@ -66,3 +66,18 @@ def test_without_its_key_a_station_does_not_start(config: Path) -> None:
     (config.parent / "team.key").chmod(0o644)
     with pytest.raises(SigningError, match="chmod 600"):
         GroundStation(load_scenario(config))
+
+
+def test_without_a_signature_only_the_short_list_is_heard(station: GroundStation) -> None:
+    """The team's vehicles but for their onboard processes, and the bridge; a stranger's heartbeat is not even told."""
+    board = station.switchboard
+    for system, component in ((1, 1), (2, 154), (250, 1), (254, 190), (77, 1)):
+        board.receive(TEAM, Codec(system, component).encode(HEARTBEAT), (ADDRESS[0], 40000 + system))
+    assert board.heard() == {(1, 1), (2, 154), (250, 1)}
+    station._next_heartbeat_s = 0.0
+    station.tick()
+    assert not any("refused" in event.text for event in station.team.take_events())
+    board.receive(TEAM, Codec(77, 1).encode(mavlink.MAVLink_statustext_message(4, b"text", 0, 0)), THIEF)
+    station._next_heartbeat_s = 0.0
+    station.tick()
+    assert any("1 frames refused" in event.text for event in station.team.take_events())
