@@ -55,6 +55,7 @@ def ardupilot_requirements(needs: Needs) -> tuple[Requirement, ...]:
         Requirement("GUID_TIMEOUT", Within(0.5, 5.0, step=0.5), "how long setpoints may be silent", unit="s"),
         Requirement("DISARM_DELAY", Within(low=5.0, off=0.0), "from arming to takeoff", unit="s"),
         Requirement("FS_EKF_ACTION", OneOf((1.0,)), "without a position: land", _SHOULD),
+        Requirement("FS_GCS_ENABLE", OneOf((0.0,)), "the team flies on when the ground station is closed", _SHOULD),
         *(_mocap() if needs.mocap else _gps()),
     )
 

@@ -53,6 +53,7 @@ def px4_requirements(needs: Needs) -> tuple[Requirement, ...]:
             unit="s",
         ),
         Requirement("COM_OBL_RC_ACT", OneOf((4.0,)), "silent setpoints without a pilot: land", _SHOULD),
+        Requirement("NAV_DLL_ACT", OneOf((0.0,)), "the team flies on when the ground station is closed", _SHOULD),
         *(_mocap() if needs.mocap else _gps()),
     )
 
