@@ -54,8 +54,9 @@ def summarize(team: TeamMonitor, facts: FlightFacts, now_s: float) -> dict[str, 
     """The summary.
 
     ``targets`` is how many there are, ``discovered`` how many somebody has seen, ``time_to_discover_s`` says for each
-    target, by its id, the time from step 0 to the first belief of it. ``rmse_m`` and ``entropy_nats`` are those of
-    :mod:`gcs.metrics`; a vehicle's figures those of :class:`gcs.vehicle_state.VehicleFigures`.
+    target, by its id, the time from step 0 to the first belief of it. ``rmse_m``, ``rmse_per_target_m`` and
+    ``entropy_nats`` are those of :mod:`gcs.metrics`; a vehicle's figures those of
+    :class:`gcs.vehicle_state.VehicleFigures`.
     """
     state, figures = team.state(now_s), team.figures()
     discovered = team.metrics.discovered
@@ -70,6 +71,7 @@ def summarize(team: TeamMonitor, facts: FlightFacts, now_s: float) -> dict[str, 
         "targets": state.target_count,
         "discovered": state.discovered,
         "rmse_m": _rounded(state.figures.rmse_m, 4),
+        "rmse_per_target_m": _rounded(state.figures.rmse_per_target_m, 4),
         "entropy_nats": _rounded(state.figures.entropy_nats, 4),
         "time_to_discover_s": {
             str(target): _rounded(max(0.0, discovered[target] - start_s), 2)
@@ -120,7 +122,8 @@ def render(summary: dict[str, Any]) -> RenderableType:
     head.add_row("flight", f"{summary['scenario']}{seed}, {_shown(summary['duration_s'], 1, ' s')}")
     head.add_row("targets found", Text(f"{summary['discovered']} of {total}", style="bold"))
     head.add_row("found after, s", found or "–")
-    head.add_row("position RMSE", Text(_shown(summary["rmse_m"], 3, " m"), style="bold"))
+    per_target = _shown(summary["rmse_per_target_m"], 3, " m per target")
+    head.add_row("position RMSE", Text.assemble((_shown(summary["rmse_m"], 3, " m"), "bold"), f"   {per_target}"))
     head.add_row("entropy per target", _shown(summary["entropy_nats"], 2, " nats"))
     head.add_row("processor", _shown(summary["cpu_cores"], 2, " cores"))
     table = Table(box=SIMPLE_HEAD, header_style="dim", pad_edge=False, collapse_padding=True)

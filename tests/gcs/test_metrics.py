@@ -62,6 +62,7 @@ def test_rmse_is_over_robots_then_targets_then_time():
     first, second = math.sqrt(((25.0 + 1.0) / 2 + 4.0) / 2), 1.0
     assert figures.rmse_m == pytest.approx((first + second) / 2)
     assert figures.rmse_now_m == pytest.approx(second)
+    assert figures.rmse_per_target_m == pytest.approx(((math.sqrt(13.0) + 2.0) / 2 + 1.0) / 2)
     assert figures.steps == 2
 
 
