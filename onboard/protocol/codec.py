@@ -158,11 +158,17 @@ def split_frames(datagram: bytes) -> Iterator[bytes | None]:
             if not in_garbage:
                 yield None
             in_garbage = True
-            position += 1
+            position = _next_magic(datagram, position + 1)
             continue
         in_garbage = False
         yield datagram[position : position + length]
         position += length
+
+
+def _next_magic(datagram: bytes, start: int) -> int:
+    """Where the next frame may begin; the datagram's end if nowhere. Quick, since floods are garbage."""
+    places = [place for magic in (_MAGIC_V2, _MAGIC_V1) if (place := datagram.find(magic, start)) >= 0]
+    return min(places, default=len(datagram))
 
 
 def frame_length(data: bytes | bytearray, start: int) -> int | None:

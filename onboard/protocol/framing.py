@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from onboard.protocol import dialect as mavlink
-from onboard.protocol.codec import frame_length, message_id
+from onboard.protocol.codec import frame_length, message_id, split_frames
 
-__all__ = ["FrameBuffer"]
+__all__ = ["FrameBuffer", "holds_message"]
 
 _MAGICS = (mavlink.PROTOCOL_MARKER_V2, mavlink.PROTOCOL_MARKER_V1)
 _CHECKSUM_BYTES = 2
@@ -46,6 +46,14 @@ class FrameBuffer:
             pieces.append(bytes(pending[start:position]))
         del pending[:position]
         return pieces
+
+
+def holds_message(datagram: bytes) -> bool:
+    """Whether a datagram has a message of the dialect in it, whose checksum holds."""
+    return any(
+        frame is not None and message_id(frame) in mavlink.mavlink_map and _plausible(frame)
+        for frame in split_frames(datagram)
+    )
 
 
 def _plausible(frame: bytes) -> bool:

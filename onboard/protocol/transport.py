@@ -2,7 +2,7 @@
 
 A link is named by a URL, as in the configuration; two slashes after the first colon change nothing:
 
-- ``udpin:HOST:PORT`` listens, and sends to the address heard from last;
+- ``udpin:HOST:PORT`` listens, and sends to the address that it has heard a message from, until that one is silent;
 - ``udpout:HOST:PORT`` sends there and receives its answers;
 - ``mcast:GROUP:PORT`` sends to a multicast group and receives what others send to it;
 - ``tcp:HOST:PORT`` connects to a server, again and again when the connection is lost;
@@ -20,11 +20,18 @@ from collections.abc import Callable
 from typing import Protocol, cast
 
 from onboard.protocol.byte_links import SerialLink, TcpLink
+from onboard.protocol.framing import holds_message
 from onboard.protocol.link_url import LinkUrl, TransportError
 
 __all__ = ["Address", "DatagramLink", "Link", "LinkUrl", "TransportError", "open_datagram_link", "open_link"]
 
 Address = tuple[str, int]
+
+MAX_DATAGRAM_BYTES = 4096
+"""More than any part of a team or an autopilot puts into one; what is larger is dropped unread."""
+
+REMOTE_SILENT_S = 1.0
+"""Silence of a remote after which an ``udpin`` link sends to somebody else, s."""
 
 _SO_RCVBUFFORCE = getattr(socket, "SO_RCVBUFFORCE", 33)
 """Linux; elsewhere setting it fails."""
@@ -56,6 +63,7 @@ class DatagramLink(asyncio.DatagramProtocol):
     Attributes:
         bytes_sent: Payload handed to the socket, bytes.
         bytes_received: Payload received, bytes.
+        oversize: Datagrams that were too large to be read.
     """
 
     def __init__(
@@ -67,10 +75,13 @@ class DatagramLink(asyncio.DatagramProtocol):
         self.url = url
         self.bytes_sent = 0
         self.bytes_received = 0
+        self.oversize = 0
         self._receive = receive
         self._receive_from = receive_from
         self._transport: asyncio.DatagramTransport | None = None
         self._remote: Address | None = (url.host, url.port) if url.kind == "mcast" else None
+        self._remote_heard_s = 0.0
+        self._clock = asyncio.get_running_loop().time
 
     def send(self, data: bytes) -> None:
         """Send to the link's remote; dropped while an ``udpin`` link has heard nobody yet, or after closing."""
@@ -119,13 +130,24 @@ class DatagramLink(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: tuple[str | int, ...]) -> None:
         """Asyncio: a datagram arrived."""
         self.bytes_received += len(data)
+        if len(data) > MAX_DATAGRAM_BYTES:
+            self.oversize += 1
+            return
         address = (str(addr[0]), int(addr[1]))
         if self.url.kind == "udpin":
-            self._remote = address
+            self._hear_from(address, data)
         if self._receive is not None:
             self._receive(data)
         if self._receive_from is not None:
             self._receive_from(data, address)
+
+    def _hear_from(self, address: Address, data: bytes) -> None:
+        """Whom to answer: who speaks MAVLink here, and nobody who comes in between, or vehicles could be stolen."""
+        now_s = self._clock()
+        if address == self._remote:
+            self._remote_heard_s = now_s
+        elif (self._remote is None or now_s - self._remote_heard_s > REMOTE_SILENT_S) and holds_message(data):
+            self._remote, self._remote_heard_s = address, now_s
 
     def error_received(self, exc: Exception) -> None:
         """Asyncio: the remote's port is closed (ICMP); normal while it has not started or after it died."""
@@ -195,7 +217,8 @@ def _multicast_socket(url: LinkUrl) -> socket.socket:
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        sock.bind(("", url.port))
+        # To the group and not to every address: what is sent to this machine itself does not come in here.
+        sock.bind((url.host, url.port))
         membership = struct.pack("=4sl", socket.inet_aton(url.host), socket.INADDR_ANY)
         sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
         sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)

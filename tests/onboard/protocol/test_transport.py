@@ -10,7 +10,14 @@ import pytest
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.byte_links import TcpLink
 from onboard.protocol.codec import Codec
-from onboard.protocol.transport import Link, LinkUrl, TransportError, open_link
+from onboard.protocol.transport import (
+    MAX_DATAGRAM_BYTES,
+    DatagramLink,
+    Link,
+    LinkUrl,
+    TransportError,
+    open_link,
+)
 
 
 def free_port() -> int:
@@ -27,15 +34,53 @@ async def pair(port: int) -> tuple[Link, "asyncio.Queue[bytes]", Link, "asyncio.
     return listening, at_in, calling, at_out
 
 
-async def test_udpin_answers_the_last_address_that_it_heard() -> None:
+HEARTBEAT = Codec(1, 1).encode(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 3, 3))
+
+
+async def test_udpin_answers_who_has_spoken_mavlink_to_it() -> None:
     listening, at_in, calling, at_out = await pair(free_port())
-    listening.send(b"nobody has called yet")
-    assert listening.bytes_sent == 0
-    calling.send(b"ping")
-    assert await asyncio.wait_for(at_in.get(), 5) == b"ping"
+    for garbage in (b"nobody has called yet", HEARTBEAT[:-1] + b"?"):
+        calling.send(garbage)
+        assert await asyncio.wait_for(at_in.get(), 5) == garbage
+        listening.send(b"pong")
+        assert listening.bytes_sent == 0
+    calling.send(HEARTBEAT)
+    assert await asyncio.wait_for(at_in.get(), 5) == HEARTBEAT
     listening.send(b"pong")
     assert await asyncio.wait_for(at_out.get(), 5) == b"pong"
-    assert (calling.bytes_sent, calling.bytes_received) == (4, 4)
+    assert calling.bytes_received == 4
+    listening.close()
+    calling.close()
+
+
+async def test_udpin_is_not_taken_over_while_its_remote_speaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else one datagram of a stranger would have the setpoints sent to him."""
+    port = free_port()
+    listening, at_in, calling, at_out = await pair(port)
+    stranger = await open_link(f"udpout:127.0.0.1:{port}")
+    for link in (calling, stranger):
+        link.send(HEARTBEAT)
+        await asyncio.wait_for(at_in.get(), 5)
+    listening.send(b"setpoint")
+    assert await asyncio.wait_for(at_out.get(), 5) == b"setpoint"
+    assert stranger.bytes_received == 0
+    monkeypatch.setattr("onboard.protocol.transport.REMOTE_SILENT_S", 0.0)
+    stranger.send(HEARTBEAT)
+    await asyncio.wait_for(at_in.get(), 5)
+    listening.send(b"setpoint")
+    await asyncio.sleep(0.05)
+    assert stranger.bytes_received == 8
+    for link in (listening, calling, stranger):
+        link.close()
+
+
+async def test_what_is_too_large_is_not_read() -> None:
+    listening, at_in, calling, _ = await pair(free_port())
+    calling.send(bytes(MAX_DATAGRAM_BYTES + 1))
+    calling.send(bytes(MAX_DATAGRAM_BYTES))
+    assert len(await asyncio.wait_for(at_in.get(), 5)) == MAX_DATAGRAM_BYTES
+    assert isinstance(listening, DatagramLink)
+    assert listening.oversize == 1
     listening.close()
     calling.close()
 
