@@ -7,6 +7,7 @@ copies of genuine ones with some of their bytes replaced, and always have a vali
 from __future__ import annotations
 
 import math
+import random
 import struct
 from pathlib import Path
 from typing import Any
@@ -31,9 +32,15 @@ START_S = BEGUN_S + 10.0
 TICK_S = 0.02
 MAX_HOSTILE = 6
 """Fuzzed frames of one input at most."""
+_CHOICE_BYTES = 64
+"""From which one hostile frame is made; a payload that is random as a whole ends with zeros."""
+
 MAX_INPUTS = 500
 MAX_INPUTS_ELSEWHERE = 30
 OFFBOARD = 6 << 16
+
+_PARAMETERS = {"COM_OF_LOSS_T": 1.0, "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0}
+"""Others are a thousand, which is enough of anything."""
 
 _CHECKSUM = primitives_checksum(LAB.primitive_set)
 _ALL_MESSAGES = sorted(mavlink.mavlink_map)
@@ -51,6 +58,7 @@ class _KinematicAutopilot:
 
     def __init__(self, system_id: int, north_m: float, east_m: float) -> None:
         self.north_m, self.east_m, self.down_m, self.yaw_rad = north_m, east_m, 0.0, 0.0
+        self.setpoints = 0
         self._codec = Codec(system_id, 1)
         self._mode = 4 << 16 | 3 << 24
         self._armed = False
@@ -62,6 +70,7 @@ class _KinematicAutopilot:
             values = (message.vx, message.vy, message.vz, message.z, message.yaw, message.yaw_rate)
             if not all(math.isfinite(value) for value in values):
                 raise BrokenPromiseError(f"a setpoint that is not finite: {values}")
+            self.setpoints += 1
             self.north_m += TICK_S * message.vx
             self.east_m += TICK_S * message.vy
             self.down_m, self.yaw_rad = message.z, message.yaw
@@ -72,6 +81,11 @@ class _KinematicAutopilot:
                 self._mode = int(message.param2) << 16 | int(message.param3) << 24
             ack = mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_ACCEPTED)
             self._frames.append(self._codec.encode(ack))
+        elif isinstance(message, mavlink.MAVLink_param_request_read_message):
+            name = message.param_id.encode()
+            value = _PARAMETERS.get(message.param_id, 1000.0)
+            answer = mavlink.MAVLink_param_value_message(name, value, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0)
+            self._frames.append(self._codec.encode(answer))
 
     def frames(self, boot_ms: int) -> list[bytes]:
         """What it says now."""
@@ -98,10 +112,14 @@ class FuzzedFlight:
         self._reader = Codec(99, 1)
         self._planner = load_planner("greedy", PlannerSetup(LAB, 1, seed=1, options={}))
         self._peer = Codec(2, COMPONENT)
-        self._tick()
-        self.unit.receive(LinkName.GROUND, Codec(LAB.ground.system_id, 190).encode(_start()), BEGUN_S)
+        while self.unit.machine.state is not FlightState.STANDBY and self._time_s < START_S:
+            self._tick()
+        self.unit.receive(LinkName.GROUND, Codec(LAB.ground.system_id, 190).encode(_start()), self._time_s)
         while self._time_s < START_S:
             self._tick()
+        if self.unit.machine.state not in (FlightState.HOLD, FlightState.TRACK):
+            said = "; ".join(event.text for event in self.unit.events())
+            raise BrokenPromiseError(f"{self.unit.machine.state.name} where a mission should begin: {said}")
 
     @property
     def is_over(self) -> bool:
@@ -125,6 +143,26 @@ class FuzzedFlight:
         for _ in range(1 + source.below(10)):
             self._tick()
         self._check_tracks()
+
+    def flood(self, link: LinkName, source: random.Random, count: int) -> None:
+        """Write so many hostile frames into one link between two setpoints, and look whether all promises are kept.
+
+        Raises:
+            BrokenPromiseError: One is not. From teammates and sensors nothing may come that changes the flight state
+                or keeps back a setpoint.
+        """
+        self._inputs += 1
+        self._inputs_elsewhere += self.unit.machine.state not in (FlightState.HOLD, FlightState.TRACK)
+        setpoints = self._autopilot.setpoints
+        for _ in range(count):
+            self.unit.receive(link, self._hostile(ByteSource(source.randbytes(_CHOICE_BYTES)), link), self._time_s)
+        self._tick()
+        self._check_tracks()
+        if link in (LinkName.PEERS, LinkName.SENSOR):
+            if self._inputs_elsewhere:
+                raise BrokenPromiseError(f"in {self.unit.machine.state.name} because of the {link} link")
+            if self._autopilot.setpoints == setpoints:
+                raise BrokenPromiseError(f"no setpoint because of the {link} link")
 
     def _tick(self) -> None:
         self._time_s += TICK_S
