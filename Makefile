@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test faults check fuzz format generate clean
+.PHONY: help venv demo test faults check fuzz format generate lock clean
 
 help:  ## list the targets
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | column -t -s '	'
@@ -52,6 +52,11 @@ format: .venv/dev.stamp  ## format the code and mend what ruff can mend
 
 generate: .venv/dev.stamp  ## write the generated files anew (MAVLink dialect)
 	$(BIN)/python -m onboard.protocol.generate
+
+lock: .venv/dev.stamp  ## pin anew, with hashes, what vehicles install (requirements/vehicle.lock)
+	$(BIN)/pip install --quiet --disable-pip-version-check uv
+	$(BIN)/uv pip compile requirements/vehicle.in --universal --python-version 3.11 --generate-hashes --no-annotate --quiet \
+		--upgrade --custom-compile-command 'make lock' --output-file requirements/vehicle.lock
 
 clean:  ## remove the virtual environment and all caches
 	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

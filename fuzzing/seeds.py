@@ -10,7 +10,7 @@ from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.signing import SignedLink, Signing, SigningKey
 
-__all__ = ["seeds_of"]
+__all__ = ["frames", "seeds_of"]
 
 ROOT = Path(__file__).parent.parent
 _BLOB_BYTES = 700
@@ -25,16 +25,17 @@ def seeds_of(target: str) -> list[bytes]:
             paths = sorted((ROOT / "benchmarks" / "problems").glob("*.json"), key=lambda path: path.stat().st_size)
             return [path.read_bytes() for path in paths[:3]]
         case "codec":
-            return _frames(Codec(1, 1))
+            return frames(Codec(1, 1))
         case "signing":
             stranger = Signing(SigningKey(bytes(range(1, 33))))
             stranger.advance(BEGUN_S)
-            return _frames(Codec(2, 191, stranger.link(SignedLink.PEERS)))
+            return frames(Codec(2, 191, stranger.link(SignedLink.PEERS)))
     source = random.Random(target)
     return [source.randbytes(_BLOB_BYTES) for _ in range(50)]
 
 
-def _frames(codec: Codec) -> list[bytes]:
+def frames(codec: Codec) -> list[bytes]:
+    """A frame of each of some messages, packed by a sender."""
     messages = (
         mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3),
         mavlink.MAVLink_command_long_message(1, 191, 0, mavlink.MAV_CMD_NAV_LAND, 0, 0, 0, 0, 0, 0, 0),

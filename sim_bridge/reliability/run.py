@@ -138,7 +138,7 @@ def _in_child(flight: Flight, scenario: Scenario, case: Case, batch: Batch) -> O
     _, status = os.waitpid(child, 0)
     if not answer:
         return _failed(case, batch, f"the flight hangs or crashes (exit status {os.waitstatus_to_exitcode(status)})")
-    outcome = pickle.loads(answer)
+    outcome = pickle.loads(answer)  # noqa: S301 - of a fork of this very process, over a pipe that nobody else has
     return outcome if isinstance(outcome, Outcome) else _failed(case, batch, str(outcome))
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from gcs.recording.recorder import record_flight
 from gcs.router import TEAM
 from gcs.station import GroundStation
 from onboard.config import load_scenario
@@ -81,3 +82,24 @@ def test_without_a_signature_only_the_short_list_is_heard(station: GroundStation
     station._next_heartbeat_s = 0.0
     station.tick()
     assert any("1 frames refused" in event.text for event in station.team.take_events())
+
+
+def test_the_key_is_in_no_recording_and_no_log(config: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Not even when somebody sends it around, as SETUP_SIGNING does."""
+    scenario, folder = load_scenario(config), tmp_path / "flight"
+    folder.mkdir()
+    secret = read_key(config.parent / "team.key").secret
+    recorder = record_flight(folder, config, scenario, {}, 100)
+    station = GroundStation(scenario, recorder=recorder, clock=lambda: NOW)
+    station.tick()
+    offer = mavlink.MAVLink_setup_signing_message(1, 191, list(secret), 0)
+    for codec in (Codec(1, 1), signed(config)):
+        for message in (HEARTBEAT, offer):
+            station.switchboard.receive(TEAM, codec.encode(message), ADDRESS)
+    recorder.close()
+    written = [path for path in folder.rglob("*") if path.is_file()]
+    assert any(path.suffix == ".tlog" and path.stat().st_size > 0 for path in written)
+    assert not any(path.name == "team.key" for path in written)
+    everything = b"".join(path.read_bytes() for path in written) + caplog.text.encode()
+    assert secret not in everything
+    assert secret.hex().encode() not in everything

@@ -1,7 +1,6 @@
 """Signing by https://mavlink.io/en/guide/message_signing.html: who has no key gets in never, who has it always."""
 
 import hashlib
-import random
 from collections import Counter
 
 import pytest
@@ -112,31 +111,6 @@ def test_a_known_stream_may_be_silent_for_long_and_come_back_but_never_from_far_
         sender.signing.advance(NOW_S + later_s)
         receiver.signing.advance(NOW_S + 3600.0)
         assert receiver.hears(sender.say()) is (later_s == 3600.0)
-
-
-def test_ten_thousand_hostile_frames_are_refused_and_the_sender_is_heard_after_each() -> None:
-    random_ = random.Random(7)
-    sender, receiver = End(7), End(1)
-    stranger = End(7, SigningKey(bytes(range(1, 33))))
-    late = End(8, now_s=NOW_S + 1e6)
-    heard = [sender.say()]
-    assert receiver.hears(heard[0])
-    for _ in range(2000):
-        genuine = sender.say()
-        flipped = bytearray(genuine)
-        flipped[random_.randrange(1, len(flipped))] ^= 1 << random_.randrange(8)
-        unsigned = Codec(7, 191).encode(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3))
-        cut = genuine[: random_.randrange(len(genuine))]
-        for hostile in (
-            bytes(flipped),
-            stranger.say(),
-            late.say(),
-            random_.choice(heard),
-            random_.choice((cut, unsigned)),
-        ):
-            assert not receiver.hears(hostile)
-        assert receiver.hears(genuine)
-        heard.append(genuine)
 
 
 def test_a_restart_refuses_what_the_run_before_had_heard() -> None:
