@@ -302,10 +302,7 @@ class Companion:
         pose, position = self.autopilot.pose(), self.autopilot.position
         if pose is not None and position is not None:
             self._known = Known(position, pose.yaw_rad, self.autopilot.velocity)
-        if self.agent is not None and self.machine.state is FlightState.RETURN:
-            self._avoid_taken_home(self.agent, time_s)
-        may_descend = self.agent is None or self.agent.team.may_descend(time_s)
-        setpoint = self.machine.tick(time_s, may_descend=may_descend)
+        setpoint = self.machine.tick(time_s, may_descend=self._may_descend(time_s))
         if setpoint is None:
             self._last_setpoint_s = None
         else:
@@ -326,11 +323,16 @@ class Companion:
             self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
 
-    def _avoid_taken_home(self, agent: Agent, time_s: float) -> None:
+    def _may_descend(self, time_s: float) -> bool:
+        """Whether nobody is in the way down; on the way home, another place is looked for where somebody lies there."""
+        if self.agent is None or self.machine.state is not FlightState.RETURN:
+            return True
         home = (self.machine.home.north_m, self.machine.home.east_m)
-        place = self._landing_place.instead_of(home, agent.team.last_heard, self._last_resort.strays)
+        place = self._landing_place.instead_of(home, self.agent.team.last_heard, self._last_resort.lying)
         if place is not None:
             self.machine.land_at(*place, time_s)
+            return False
+        return self._last_resort.may_descend(home) and self.agent.team.may_descend(time_s)
 
     def _kept_off(self, setpoint: Setpoint, time_s: float) -> Setpoint:
         """What is streamed: the flight states' wish, off teammates and inside the fence."""

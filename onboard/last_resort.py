@@ -38,7 +38,7 @@ class LastResort:
 
     Attributes:
         near: Whether a teammate is so near that it should hear more often where this robot is.
-        strays: Teammates that nobody flies, and those that fell silent, however long ago: they may lie there.
+        strays: Teammates that nobody flies, or that land.
     """
 
     def __init__(self, scenario: Scenario, vehicle: VehicleConfig) -> None:
@@ -53,6 +53,8 @@ class LastResort:
         self.near = False
         self.strays: list[Stray] = []
         self._strays = Strays(scenario)
+        self._homes = {mate.id: mate.home for mate in scenario.vehicles}
+        self._return_m_s = scenario.flight.return_speed_m_s
         self._plans: dict[int, list[PlanTrajectory]] = {}
         self._acted_s = -math.inf
         self._acting = False
@@ -98,14 +100,13 @@ class LastResort:
         """Whom to keep off at a UNIX time, and by how much: strays in all layers, others in this one."""
         if self._keep_m <= 0.0:
             return []
-        strays = self._strays.find(time_s, here, heard, self._place_at)
-        self.strays = [*strays, *(lost for lost in self._strays.lost if lost not in strays)]
+        self.strays = self._strays.find(time_s, here, heard, self._place_at)
         found = []
-        for stray in strays:
+        for stray in self.strays:
             if not stray.sinks or stray.down_m - down_m < self._layers_m:
                 north_m, east_m = stray.nearest(here)
                 found.append(Obstruction(north_m, east_m, self._keep_m + stray.unsure_m, keeps_off=False))
-        kept_off = {stray.peer for stray in strays}
+        kept_off = {stray.peer for stray in self.strays}
         for status in heard:
             age_s = max(time_s - status.time_s, 0.0)
             below_or_above = abs(status.position[2] - down_m) >= self._layers_m
@@ -115,6 +116,18 @@ class LastResort:
             north_m, east_m, unsure_m = self._place_of(status, age_s, time_s)
             found.append(Obstruction(north_m, east_m, self._keep_m + unsure_m))
         return found
+
+    @property
+    def lying(self) -> list[Stray]:
+        """Strays, and teammates that fell silent, however long ago: they may lie there."""
+        return [*self.strays, *(lost for lost in self._strays.lost if lost not in self.strays)]
+
+    def may_descend(self, place: Point) -> bool:
+        """Whether no stray may come down there."""
+        return all(
+            stray.sinks or math.dist(stray.nearest(place), place) >= self._keep_m + stray.unsure_m
+            for stray in self.strays
+        )
 
     def news(self) -> list[str]:
         """What the operator should know since the last call."""
@@ -127,9 +140,19 @@ class LastResort:
         now = self._reference(status.sender, time_s)
         if now is not None and unsure_m == 0.0 and status.state is FlightState.TRACK:
             return Place((north, east), (now.velocity_north_m_s, now.velocity_east_m_s))
+        velocity = self._homewards(status) if status.state is FlightState.RETURN else status.velocity
         elapsed_s = max(time_s - status.time_s, 0.0)
-        north_m_s, east_m_s = status.velocity
-        return Place((north + elapsed_s * north_m_s, east + elapsed_s * east_m_s), status.velocity)
+        return Place((north + elapsed_s * velocity[0], east + elapsed_s * velocity[1]), velocity)
+
+    def _homewards(self, status: PeerStatus) -> Point:
+        """How a peer on its way home moves, soon if not yet."""
+        home = self._homes.get(status.sender)
+        if status.over_home or home is None:
+            return status.velocity
+        north_m, east_m = home[0] - status.position[0], home[1] - status.position[1]
+        away_m = math.hypot(north_m, east_m)
+        speed_m_s = max(math.hypot(*status.velocity), self._return_m_s)
+        return (speed_m_s * north_m / away_m, speed_m_s * east_m / away_m) if away_m > 0.0 else status.velocity
 
     def _place_of(self, status: PeerStatus, age_s: float, time_s: float) -> tuple[float, float, float]:
         """North, east and how far off at most that may be, m."""

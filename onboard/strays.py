@@ -17,11 +17,15 @@ from onboard.messages import FlightState, PeerStatus
 
 __all__ = ["FLIES_ON_S", "SILENT_S", "Place", "Stray", "Strays"]
 
-SILENT_S = 1.2
+SILENT_S = 0.8
 """Nothing heard of a teammate for longer is more than a bad radio: it says several things twice a second."""
 
-FLIES_ON_S = 1.5
-"""How long it may fly on as it last did: PX4's COM_OF_LOSS_T, and what braking takes."""
+FLIES_ON_S = 2.0
+"""How long it may fly on as it last did: from its last word to its end, PX4's COM_OF_LOSS_T, and what braking takes."""
+
+FORESEEN_S = 2.0
+DEVIATES_M = 0.8
+"""So long a silent teammate is taken to stay, or to go on home, and so far off its way it may be."""
 
 HASTE = 1.2
 """Corrections make a vehicle faster than its plan."""
@@ -140,12 +144,24 @@ class Strays:
         if peer in self._lost:
             return self._lost[peer]
         last = place(status, life_s)
-        speed_m_s = 0.0 if status.state in _STAYS or status.over_home else HASTE * self._speed_m_s
-        if math.dist(last.point, here) + speed_m_s * (time_s - life_s) > self._reach_m.get(peer, 0.0):
+        if self._may_be_away_m(status, last, time_s - life_s, here) > self._reach_m.get(peer, 0.0):
             return None
         stray = self._on_from(status, last, self._drift_m, sinks=False)
         self._lost[peer] = stray
         return stray
+
+    def _may_be_away_m(self, status: PeerStatus, last: Place, silence_s: float, here: Point) -> float:
+        """How far away a silent peer may be if it is well: home is where it goes, plans are made anew every second."""
+        away_m = math.dist(last.point, here)
+        if silence_s >= FORESEEN_S:
+            return away_m + HASTE * self._speed_m_s * silence_s
+        if status.state in _STAYS or status.over_home:
+            return away_m
+        if status.state is FlightState.RETURN:
+            (north, east), (north_m_s, east_m_s) = last.point, last.velocity
+            now = (north + silence_s * north_m_s, east + silence_s * east_m_s)
+            return math.dist(now, here) + DEVIATES_M
+        return away_m + HASTE * self._speed_m_s * silence_s
 
     def _told(self, status: PeerStatus, time_s: float) -> Stray | None:
         """Whom its own status calls a stray, or who lands; a place that is not measured any more counts for a while."""

@@ -34,6 +34,8 @@ AT_LAYER_M = 0.15
 NEAR_LAYER_M = 0.6
 NEAR_LAYER_PATIENCE_S = 2.0
 """Who takes off by its own idea of the height may stop a little off ours; the stream does the rest."""
+STOPS_S = 0.4
+"""How long a vehicle flies on with its velocity, in effect, when it stops."""
 OVER_HOME_M = 0.3
 AT_HOME_M = 0.08
 SLOW_M_S = 0.15
@@ -300,11 +302,20 @@ class FlightMachine:
             self._start_stream(previous)
         elif state is FlightState.RETURN:
             self._next = None
-            self._go_home(time_s, self._now(time_s))
+            self._go_home(time_s, self._stopped(time_s))
             self._start_stream(previous)
         elif state is FlightState.LAND:
             self._land_taken = previous is FlightState.ARM
             self._land_shown = False
+
+    def _stopped(self, time_s: float) -> Pose:
+        """Where the vehicle is at rest when it stops now: it has a way to go, and another one would be behind it."""
+        now = self.trajectory.reference(time_s) if self.trajectory is not None else Hold(self._home).reference(time_s)
+        return Pose(
+            now.pose.north_m + STOPS_S * now.velocity_north_m_s,
+            now.pose.east_m + STOPS_S * now.velocity_east_m_s,
+            now.pose.yaw_rad,
+        )
 
     def _go_home(self, time_s: float, start: Pose) -> None:
         way = Transfer(time_s, start, self._home.north_m, self._home.east_m, self._config.return_speed_m_s)

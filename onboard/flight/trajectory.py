@@ -12,6 +12,8 @@ from onboard.planning.primitives import Primitive, advance
 
 __all__ = ["HOVER", "Followed", "Hold", "PlanTrajectory", "Reference", "Trajectory", "Transfer"]
 
+TRANSFER_ACCELERATION_M_S2 = 1.0
+
 HOVER = Primitive(0.0, 0.0)
 """The stop primitive."""
 
@@ -76,40 +78,68 @@ class Followed:
 
 
 class Transfer:
-    """Fly straight to a place with constant speed and heading, and stay there.
+    """Fly straight to a place with constant heading, and stay there; speed grows and falls at a constant rate.
+
+    A vehicle cannot step to a speed: it would fall behind, and then be faster than that to catch up.
 
     Args:
         start_s: UNIX time at the start pose, s.
         start: Pose at that time; its yaw is kept.
         north_m: Where to, mission frame.
         east_m: Where to, mission frame.
-        speed_m_s: How fast.
+        speed_m_s: How fast at most.
+        acceleration_m_s2: How fast that is reached and left.
 
     Attributes:
         end_s: UNIX time at the end, s.
     """
 
-    def __init__(self, start_s: float, start: Pose, north_m: float, east_m: float, speed_m_s: float) -> None:
+    def __init__(
+        self,
+        start_s: float,
+        start: Pose,
+        north_m: float,
+        east_m: float,
+        speed_m_s: float,
+        acceleration_m_s2: float = TRANSFER_ACCELERATION_M_S2,
+    ) -> None:
         self._start_s = start_s
         self._start = start
         self._end = Pose(north_m, east_m, start.yaw_rad)
-        distance = start.distance_m(self._end)
-        self._duration_s = distance / speed_m_s
+        self._distance_m = start.distance_m(self._end)
+        self._acceleration_m_s2 = acceleration_m_s2
+        self._speed_m_s = min(speed_m_s, math.sqrt(acceleration_m_s2 * self._distance_m))
+        self._ramp_s = self._speed_m_s / acceleration_m_s2
+        cruise_m = self._distance_m - self._speed_m_s * self._ramp_s
+        self._duration_s = 2.0 * self._ramp_s + (cruise_m / self._speed_m_s if self._speed_m_s > 0.0 else 0.0)
         self.end_s = start_s + self._duration_s
-        self._velocity = (
-            ((north_m - start.north_m) / self._duration_s, (east_m - start.east_m) / self._duration_s)
-            if distance > 0.0
-            else (0.0, 0.0)
-        )
 
     def reference(self, time_s: float) -> Reference:
         """The point on the line; at rest at its end."""
         elapsed = max(time_s - self._start_s, 0.0)
         if elapsed >= self._duration_s:
             return Reference(self._end, 0.0, 0.0, 0.0)
-        north, east = self._velocity
-        pose = Pose(self._start.north_m + elapsed * north, self._start.east_m + elapsed * east, self._start.yaw_rad)
-        return Reference(pose, north, east, 0.0)
+        along_m, speed_m_s, acceleration_m_s2 = self._along(elapsed)
+        north = (self._end.north_m - self._start.north_m) / self._distance_m
+        east = (self._end.east_m - self._start.east_m) / self._distance_m
+        pose = Pose(self._start.north_m + along_m * north, self._start.east_m + along_m * east, self._start.yaw_rad)
+        return Reference(
+            pose,
+            speed_m_s * north,
+            speed_m_s * east,
+            0.0,
+            acceleration_m_s2 * north,
+            acceleration_m_s2 * east,
+        )
+
+    def _along(self, elapsed_s: float) -> tuple[float, float, float]:
+        """Way, speed and acceleration along the line."""
+        rate, left_s = self._acceleration_m_s2, self._duration_s - elapsed_s
+        if elapsed_s < self._ramp_s:
+            return 0.5 * rate * elapsed_s**2, rate * elapsed_s, rate
+        if left_s < self._ramp_s:
+            return self._distance_m - 0.5 * rate * left_s**2, rate * left_s, -rate
+        return 0.5 * rate * self._ramp_s**2 + self._speed_m_s * (elapsed_s - self._ramp_s), self._speed_m_s, 0.0
 
 
 class PlanTrajectory:

@@ -41,11 +41,13 @@ def test_who_falls_silent_nearby_is_kept_off_in_all_layers_on_the_way_that_it_ma
     assert (other.north_m, other.east_m) == pytest.approx((2.4, 4.0)), "the nearest point of its way"
     assert other.distance_m == pytest.approx(KEEP_M + GUARD.drift_m)
     assert not other.keeps_off
+    assert not resort.may_descend((2.4, 3.0))
+    assert resort.may_descend((2.4, 2.0))
     beyond = (4.0, 4.0)
     (end,) = resort.obstructions(NOW + 8.0, beyond, BELOW_M, [STATUS])
     assert (end.north_m, end.east_m) == pytest.approx((2.0 + FLIES_ON_S, 4.0))
     assert resort.obstructions(NOW + GUARD.stray_s + 0.1, here, BELOW_M, [STATUS]) == []
-    assert [stray.peer for stray in resort.strays] == [2], "it may lie there"
+    assert [stray.peer for stray in resort.lying] == [2], "where it fell silent"
 
 
 def test_who_is_heard_again_is_no_stray() -> None:
@@ -53,13 +55,13 @@ def test_who_is_heard_again_is_no_stray() -> None:
     assert resort.obstructions(NOW + 1.4, here, BELOW_M, [STATUS])
     resort.alive(2, NOW + 1.5)
     assert resort.obstructions(NOW + 1.6, here, BELOW_M, [STATUS]) == []
-    assert resort.strays == []
+    assert resort.lying == []
 
 
 @pytest.mark.parametrize(
     ("status", "far_m", "here"),
     [
-        (STATUS, 3.0, (2.0, 2.3)),
+        (STATUS, 3.0, (2.0, 1.4)),
         (STATUS, 1.0, (2.0, 3.5)),
         (dataclasses.replace(STATUS, state=FlightState.LANDED, position=(2.0, 4.0, 0.0)), 3.0, (2.0, 3.5)),
     ],

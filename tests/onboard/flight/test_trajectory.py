@@ -61,14 +61,23 @@ def test_a_hold_never_moves() -> None:
     assert Hold(START).reference(0.0) == Hold(START).reference(1e9)
 
 
-def test_a_transfer_flies_straight_at_its_speed_and_stops() -> None:
-    transfer = Transfer(10.0, START, 4.0, 6.0, 2.0)
-    times = np.linspace(10.0, 12.4, 25)
-    poses = np.array([transfer.reference(t).pose.as_tuple() for t in times])
-    speeds = np.hypot(*np.diff(poses[:, :2], axis=0).T) / np.diff(times)
-    np.testing.assert_allclose(speeds, 2.0, rtol=1e-9)
+@pytest.mark.parametrize(("speed_m_s", "fastest_m_s"), [(2.0, 2.0), (10.0, math.sqrt(5.0))], ids=["far", "too near"])
+def test_a_transfer_flies_straight_speeds_up_and_slows_down_evenly_and_stops(
+    speed_m_s: float, fastest_m_s: float
+) -> None:
+    transfer = Transfer(10.0, START, 4.0, 6.0, speed_m_s, 1.0)
+    times = np.linspace(10.0, transfer.end_s, 4001)
+    references = [transfer.reference(t) for t in times]
+    poses = np.array([r.pose.as_tuple() for r in references])
+    velocities = np.array([(r.velocity_north_m_s, r.velocity_east_m_s) for r in references])
+    accelerations = np.array([(r.acceleration_north_m_s2, r.acceleration_east_m_s2) for r in references])
+    step = times[1] - times[0]
+    np.testing.assert_allclose(np.diff(poses[:, :2], axis=0) / step, velocities[:-1], atol=2e-3)
+    assert np.quantile(np.hypot(*(np.diff(velocities, axis=0) / step - accelerations[:-1]).T), 0.99) < 1e-6
+    assert np.hypot(*velocities.T).max() == pytest.approx(fastest_m_s, abs=2e-3)
+    assert np.hypot(*accelerations.T).max() == pytest.approx(1.0)
     assert (poses[:, 2] == START.yaw_rad).all()
-    end = transfer.reference(13.0)
+    end = transfer.reference(transfer.end_s + 1.0)
     assert (end.pose.north_m, end.pose.east_m, end.velocity_north_m_s) == (4.0, 6.0, 0.0)
 
 
