@@ -190,7 +190,8 @@ class Companion:
             case mavlink.MAVLink_planner_status_message():
                 status = self._status_of_now(message, time_s)
                 self.agent.receive_status(status, time_s)
-                self._last_resort.receive_status(status, self.autopilot.poses.at(status.time_s), time_s)
+                down_m = 0.0 if self._known is None else self._known.position[2]
+                self._last_resort.receive_status(status, self.autopilot.poses.at(status.time_s), down_m, time_s)
             case mavlink.MAVLink_target_belief_message():
                 self.agent.receive_belief(read_belief(message, self._clock))
             case mavlink.MAVLink_arvi_plan_message():

@@ -64,9 +64,9 @@ class LastResort:
         """Something of a peer arrived at a UNIX time."""
         self._strays.alive(sender, time_s)
 
-    def receive_status(self, status: PeerStatus, then: Pose | None, time_s: float) -> None:
-        """What a peer says of itself, and where this robot was at that time."""
-        self._strays.receive(status, then, time_s)
+    def receive_status(self, status: PeerStatus, then: Pose | None, down_m: float, time_s: float) -> None:
+        """What a peer says of itself, and where and how high this robot was at that time."""
+        self._strays.receive(status, then, down_m, time_s)
 
     def receive_plan(self, sender: int, trajectory: PlanTrajectory) -> None:
         """What a peer flies from the start of this trajectory on."""
@@ -100,7 +100,7 @@ class LastResort:
         """Whom to keep off at a UNIX time, and by how much: strays in all layers, others in this one."""
         if self._keep_m <= 0.0:
             return []
-        self.strays = self._strays.find(time_s, here, heard, self._place_at)
+        self.strays = self._strays.find(time_s, here, down_m, heard, self._place_at)
         found = []
         for stray in self.strays:
             if not stray.sinks or stray.down_m - down_m < self._layers_m:

@@ -93,7 +93,7 @@ class Strays:
         self._drift_m = scenario.flight.guard.drift_m
         self._stray_s = scenario.flight.guard.stray_s
         self._life_s: dict[int, float] = {}
-        self._reach_m: dict[int, float] = {}
+        self._reach_m = 0.0
         self._lost: dict[int, Stray] = {}
         self._moved: dict[int, tuple[float, tuple[float, float, float]]] = {}
 
@@ -102,14 +102,14 @@ class Strays:
         self._life_s[peer] = time_s
         self._lost.pop(peer, None)
 
-    def receive(self, status: PeerStatus, then: Pose | None, time_s: float) -> None:
-        """A status that arrived; with where this robot was at its time, it tells how far the peer is heard."""
+    def receive(self, status: PeerStatus, then: Pose | None, down_m: float, time_s: float) -> None:
+        """A status that arrived; with where and how high this robot was at its time, it tells how far one hears."""
         moved = self._moved.get(status.sender)
         if moved is None or moved[1] != status.position:
             self._moved[status.sender] = (time_s, status.position)
         if then is not None and time_s - status.time_s < FRESH_S:
-            apart_m = math.dist(status.position[:2], (then.north_m, then.east_m))
-            self._reach_m[status.sender] = max(self._reach_m.get(status.sender, 0.0), apart_m)
+            apart_m = math.dist(status.position, (then.north_m, then.east_m, down_m))
+            self._reach_m = max(self._reach_m, apart_m)
 
     @property
     def lost(self) -> list[Stray]:
@@ -117,25 +117,31 @@ class Strays:
         return list(self._lost.values())
 
     def find(
-        self, time_s: float, here: Point, heard: Sequence[PeerStatus], place: Callable[[PeerStatus, float], Place]
+        self,
+        time_s: float,
+        here: Point,
+        down_m: float,
+        heard: Sequence[PeerStatus],
+        place: Callable[[PeerStatus, float], Place],
     ) -> list[Stray]:
         """All strays at a UNIX time.
 
         Args:
             time_s: UNIX time, s.
             here: Where this robot is, north m, east m.
+            down_m: Its height, NED, m.
             heard: The last status of each peer.
             place: Where a peer was at a UNIX time, by its status and what it planned.
         """
         found = []
         for status in heard:
-            stray = self._silent(status, time_s, here, place) or self._told(status, time_s)
+            stray = self._silent(status, time_s, here, down_m, place) or self._told(status, time_s)
             if stray is not None:
                 found.append(stray)
         return found
 
     def _silent(
-        self, status: PeerStatus, time_s: float, here: Point, place: Callable[[PeerStatus, float], Place]
+        self, status: PeerStatus, time_s: float, here: Point, down_m: float, place: Callable[[PeerStatus, float], Place]
     ) -> Stray | None:
         peer = status.sender
         life_s = self._life_s.get(peer, status.time_s)
@@ -144,14 +150,15 @@ class Strays:
         if peer in self._lost:
             return self._lost[peer]
         last = place(status, life_s)
-        if self._may_be_away_m(status, last, time_s - life_s, here) > self._reach_m.get(peer, 0.0):
+        away_m = self._may_be_away_m(status, last, time_s - life_s, here)
+        if math.hypot(away_m, status.position[2] - down_m) > self._reach_m:
             return None
         stray = self._on_from(status, last, self._drift_m, sinks=False)
         self._lost[peer] = stray
         return stray
 
     def _may_be_away_m(self, status: PeerStatus, last: Place, silence_s: float, here: Point) -> float:
-        """How far away a silent peer may be if it is well: home is where it goes, plans are made anew every second."""
+        """How far away, on the level, a silent peer may be if it is well: plans are made anew every second."""
         away_m = math.dist(last.point, here)
         if silence_s >= FORESEEN_S:
             return away_m + HASTE * self._speed_m_s * silence_s

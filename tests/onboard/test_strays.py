@@ -27,10 +27,10 @@ def last_heard(status: PeerStatus, far_m: float = 3.0) -> LastResort:
     """A last resort that has heard this peer from as far as that before, and then this status."""
     resort = LastResort(LAB, LAB.vehicle(1))
     then = Pose(status.position[0], status.position[1] + far_m, 0.0)
-    resort.receive_status(dataclasses.replace(status, time_s=NOW - 1.0), then, NOW - 1.0)
+    resort.receive_status(dataclasses.replace(status, time_s=NOW - 1.0), then, -1.7, NOW - 1.0)
     resort.receive_plan(2, NORTHWARD)
     resort.alive(2, NOW)
-    resort.receive_status(status, then, NOW)
+    resort.receive_status(status, then, -1.7, NOW)
     return resort
 
 
@@ -85,10 +85,10 @@ def test_who_says_that_nobody_flies_it_is_kept_off_in_all_layers_while_its_place
         assert len(resort.obstructions(time_s, (2.0, 2.0), BELOW_M, [status])) == 1
     frozen_s = NOW + GUARD.stray_s + 0.1
     resort.alive(2, frozen_s)
-    resort.receive_status(dataclasses.replace(status, time_s=frozen_s), None, frozen_s)
+    resort.receive_status(dataclasses.replace(status, time_s=frozen_s), None, BELOW_M, frozen_s)
     assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M, [status]) == []
     measured = dataclasses.replace(status, position=(2.0, 4.01, -1.2), time_s=frozen_s)
-    resort.receive_status(measured, None, frozen_s)
+    resort.receive_status(measured, None, BELOW_M, frozen_s)
     assert len(resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M, [measured])) == 1
     down = dataclasses.replace(measured, state=FlightState.LANDED, adrift=False)
     assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M, [down]) == []
