@@ -137,10 +137,11 @@ def test_it_speaks_on_every_port_and_ends_cleanly(tmp_path, number):
         heard = collect({2: socks[2]}, lambda heard: "AUTOPILOT_VERSION" in types(heard[2]), limit_s=5.0)
         assert "COMMAND_ACK" in types(heard[2])
 
-        # All radios within 3 m hear a broadcast, byte for byte; its sender does not.
+        # All radios that have spoken MAVLink and are within 3 m hear a broadcast, byte for byte; its sender does not.
+        hello = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
         for n, sock in peers.items():
             sock.setblocking(False)
-            sock.sendto(f"hello from {n}".encode(), ("127.0.0.1", 14640 + n - 1 + SHIFT))
+            sock.sendto(Codec(n, 191).encode(hello), ("127.0.0.1", 14640 + n - 1 + SHIFT))
         time.sleep(0.1)
         for sock in peers.values():
             drain(sock)
