@@ -28,6 +28,8 @@ MCAP_NAME = "flight.mcap"
 _CHUNK_BYTES = 64 * 1024
 _QUEUE_ITEMS = 256
 _MOMENT_PERIOD_S = 0.2
+_FLUSHES_PER_CHUNK = 5
+"""An MCAP chunk's index, 1.5 kB and more, stays in memory until the file is closed: one a second is 5 MB an hour."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +202,7 @@ class _Files:
         self._tlogs: dict[str, FileIO] = {}
         self._mcap: McapLog | None = None
         self._written = 0
+        self._flushes = 0
         self._broken = False
 
     def take(self, item: _Frames | _Moment | Event | _Flush) -> str | None:
@@ -247,4 +250,6 @@ class _Files:
             case Event():
                 self._mcap.event(item)
             case _Flush():
-                self._mcap.flush()
+                self._flushes += 1
+                if self._flushes % _FLUSHES_PER_CHUNK == 0:
+                    self._mcap.flush()
