@@ -10,9 +10,7 @@ from gcs.cli import app
 FIELD = Path(__file__).parents[2] / "configs" / "field.yaml"
 
 
-@pytest.mark.parametrize(
-    "command", [["check"], ["fly", "--headless", "--no-record"], ["preflight"], ["onboard", "--vehicle", "1"]]
-)
+@pytest.mark.parametrize("command", [["check"], ["fly", "--headless", "--no-record"], ["onboard", "--vehicle", "1"]])
 def test_without_its_key_nothing_starts(tmp_path: Path, command: list[str]) -> None:
     config = tmp_path / "field.yaml"
     config.write_text(FIELD.read_text())

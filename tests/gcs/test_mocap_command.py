@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from gcs.checks import Outcome
 from gcs.cli import app
 from gcs.mocap_command import MocapView
 from onboard.config import Scenario
@@ -47,6 +48,27 @@ def test_rate_age_and_pose_are_shown_for_each_vehicle(lab):
         assert part in line, line
     assert others == "not in mocap.bodies: wand"
     assert "not seen" in view.lines(NOON + 10.0)[0]
+
+
+def test_before_a_flight_a_body_is_seen_often_and_never_twice_the_same(lab):
+    scenario = Scenario.model_validate_json(json.dumps(real_lab(lab)))
+
+    def outcome(rate_hz: float, *, moving_until_s: float = 4.0, until_s: float = 4.0) -> tuple[Outcome, str]:
+        view = MocapView(scenario)
+        for k in range(round(until_s * rate_hz)):
+            moved_m = 1e-4 * min(k / rate_hz, moving_until_s)
+            view.receive(Frame(NOON + k / rate_hz, {"drone": (1.0 + moved_m, -2.0, 0.5, 1.0, 0.0, 0.0, 0.0)}))
+        (check,) = view.checks(NOON + 4.0)
+        assert check.name == "motion capture of vehicle 1"
+        return check.outcome, check.found
+
+    assert outcome(100.0) == (Outcome.PASS, "100 Hz, 20 ms old")
+    assert outcome(40.0)[0] is Outcome.WARN, "mocap.rate_hz is 100"
+    assert outcome(5.0)[0] is Outcome.FAIL
+    assert outcome(100.0, until_s=1.0) == (Outcome.FAIL, "not seen")
+    frozen, told = outcome(100.0, moving_until_s=3.0)
+    assert frozen is Outcome.FAIL
+    assert told.endswith("frozen")
 
 
 def test_a_real_system_is_looked_at(lab, tmp_path):

@@ -1,8 +1,10 @@
-"""``arvi preflight`` against an autopilot's parameters on a UDP link."""
+"""``arvi preflight`` against a simulated autopilot on a UDP link."""
 
+import contextlib
 import json
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,49 +12,76 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from gcs import host_checks
 from gcs.cli import app
+from gcs.host_checks import ClockState, HostFacts
+from onboard.config import load_scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from sim_bridge.autopilot import ONBOARD
-from sim_bridge.autopilot.core.outbox import Outbox
-from sim_bridge.autopilot.core.parameter_service import ParameterService
-from sim_bridge.autopilot.px4.parameters import INDOOR_PARAMETERS, RHYTHM, load_parameters
+from sim_bridge.bridge import Port, build_bridge
+
+READY = HostFacts(ClockState(True, 0.001, 0.02), None, "", 1.0, Path("flights"), 5_000_000_000, urgent=True)
 
 
 class Autopilot(threading.Thread):
-    """Heartbeats to a port, and a PX4's parameters for whoever asks there."""
+    """The scenario's first vehicle in real time, switched on ten seconds ago, as its autopilot shows it at a port."""
 
-    def __init__(self, port: int, overrides: dict[str, int | float], *, armed: bool = False) -> None:
+    def __init__(self, config: Path, port: int, parameters: dict[str, int | float], *, armed: bool = False) -> None:
         super().__init__(daemon=True)
-        self.store = load_parameters({**INDOOR_PARAMETERS, **overrides})
-        self._outbox = Outbox()
-        self._service = ParameterService(self.store, self._outbox, RHYTHM, lambda _system, _component: True)
+        scenario = load_scenario(config)
+        assert scenario.simulation is not None
+        robots = scenario.simulation.ground_robots.model_copy(update={"count": 0})
+        simulation = scenario.simulation.model_copy(
+            update={
+                "ground_robots": robots,
+                "physics_rate_hz": 100.0,
+                "parameters": {**scenario.simulation.parameters, **parameters},
+            }
+        )
+        alone = scenario.model_copy(update={"vehicles": scenario.vehicles[:1], "simulation": simulation})
+        now_s = time.time()
+        self._bridge = build_bridge(alone, 1, now_s - 10.0)
+        self._bridge.advance(now_s)
+        self._bridge.outbox()
         self._codec = Codec(1, 1)
-        self._flags = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+        self._armed = armed
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.settimeout(0.1)
+        self._socket.setblocking(False)
         self._socket.connect(("127.0.0.1", port))
         self.over = threading.Event()
 
     def run(self) -> None:
-        while not self.over.is_set():
-            try:
-                self._socket.send(self._codec.encode(mavlink.MAVLink_heartbeat_message(2, 12, self._flags, 0, 3, 3)))
-                datagram = self._socket.recv(2048)
-            except (TimeoutError, ConnectionRefusedError):
-                continue
-            for message in self._codec.decode(datagram):
-                for answer in self._answer(message):
-                    self._socket.send(self._codec.encode(answer))
+        while not self.over.wait(0.01):
+            now_s = time.time()
+            self._receive(now_s)
+            self._bridge.advance(now_s)
+            for port, _, message in self._bridge.outbox():
+                if port is Port.ONBOARD:
+                    self._send(message)
         self._socket.close()
 
-    def _answer(self, message: mavlink.MAVLink_message) -> list[mavlink.MAVLink_message]:
-        if isinstance(message, mavlink.MAVLink_command_long_message):
-            return [mavlink.MAVLink_command_ack_message(message.command, mavlink.MAV_RESULT_ACCEPTED)]
-        handler = self._service.handlers.get(message.get_msgId())
-        if handler is not None:
-            handler(message, ONBOARD)
-        return [answer for _, answer in self._outbox.take()]
+    def _receive(self, now_s: float) -> None:
+        while True:
+            try:
+                datagram = self._socket.recv(2048)
+            except (BlockingIOError, ConnectionRefusedError):
+                return
+            for message in self._codec.decode(datagram):
+                self._bridge.receive(1, ONBOARD, message, now_s)
+
+    def _send(self, message: mavlink.MAVLink_message) -> None:
+        if self._armed and isinstance(message, mavlink.MAVLink_heartbeat_message):
+            message.base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        with contextlib.suppress(ConnectionRefusedError):  # nobody listens yet
+            self._socket.send(self._codec.encode(message))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer that is ready, and rates over half a second."""
+    monkeypatch.setattr(host_checks, "look", lambda _scenario, _recordings: READY)
+    monkeypatch.setattr("gcs.autopilot_checks.WINDOW_S", 0.5)
 
 
 @pytest.fixture
@@ -81,36 +110,53 @@ def fly(port: int) -> Iterator[list[Autopilot]]:
 
 
 def test_what_is_wrong_is_shown_and_set_only_when_asked_for(config: Path, port: int, fly: list[Autopilot]) -> None:
-    autopilot = Autopilot(port, {"MC_YAWRATE_MAX": 100.0, "EKF2_EV_CTRL": 1})
+    autopilot = Autopilot(config, port, {"MC_YAWRATE_MAX": 100.0, "EKF2_EV_CTRL": 3})
     fly.append(autopilot)
     autopilot.start()
     arguments = ["preflight", str(config), "--vehicle", "1"]
     looked = CliRunner().invoke(app, [*arguments, "--json"])
     assert looked.exit_code == 1
-    (report,) = json.loads(looked.stdout)
+    document = json.loads(looked.stdout)
+    (report,) = document["vehicles"]
     assert report["autopilot"] == "PX4"
     wrong = {entry["name"]: entry for entry in report["parameters"] if entry["verdict"] == "wrong"}
     assert set(wrong) == {"MC_YAWRATE_MAX", "EKF2_EV_CTRL"}
     assert wrong["MC_YAWRATE_MAX"]["value"] == 100.0
     assert wrong["MC_YAWRATE_MAX"]["wanted"] == "at least 171.887"
-    assert autopilot.store["MC_YAWRATE_MAX"] == 100.0, "it was only asked"
+    assert not document["go"]
+    assert len(document["faults"]) == 2
+    assert document["faults"][0].startswith("vehicle 1: MC_YAWRATE_MAX is 100 deg/s, should be at least 171.887")
+    checks = {check["name"]: check["outcome"] for check in (*document["computer"], *report["checks"])}
+    assert {"link", "TIMESYNC", "position", "place", "battery", "kernels", "disk"} <= set(checks)
+    assert set(checks.values()) <= {"pass", "warn"}, "nothing but parameters is wrong"
 
     mended = CliRunner().invoke(app, [*arguments, "--set"])
-    assert mended.exit_code == 0
+    assert mended.exit_code == 0, mended.stdout
     assert "set MC_YAWRATE_MAX to 172" in mended.stdout
-    assert autopilot.store["MC_YAWRATE_MAX"] == 172.0
-    assert autopilot.store["EKF2_EV_CTRL"] == 11
-    assert autopilot.store["COM_OBL_RC_ACT"] == 4
+    assert mended.stdout.rstrip().endswith("\nGO")
 
 
 def test_an_armed_vehicle_is_left_alone(config: Path, port: int, fly: list[Autopilot]) -> None:
-    autopilot = Autopilot(port, {"MC_YAWRATE_MAX": 100.0}, armed=True)
+    autopilot = Autopilot(config, port, {"MC_YAWRATE_MAX": 100.0}, armed=True)
     fly.append(autopilot)
     autopilot.start()
     result = CliRunner().invoke(app, ["preflight", str(config), "--vehicle", "1", "--set"])
     assert result.exit_code == 1
     assert "it is armed: nothing was set" in result.stdout
-    assert autopilot.store["MC_YAWRATE_MAX"] == 100.0
+    assert "NO-GO" in result.stdout
+
+
+def test_a_computer_that_is_not_ready_forbids_to_fly(
+    config: Path, port: int, fly: list[Autopilot], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full = HostFacts(None, None, "", 1.0, Path("flights"), 1000, urgent=False)
+    monkeypatch.setattr(host_checks, "look", lambda _scenario, _recordings: full)
+    autopilot = Autopilot(config, port, {})
+    fly.append(autopilot)
+    autopilot.start()
+    result = CliRunner().invoke(app, ["preflight", str(config), "--vehicle", "1", "--json"])
+    assert result.exit_code == 1
+    assert json.loads(result.stdout)["faults"] == ["disk: 0.0 GB free; should be: 2 GB free for a recording in flights"]
 
 
 def test_a_port_in_use_and_an_unknown_vehicle_are_said(config: Path, port: int) -> None:

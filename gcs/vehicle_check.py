@@ -1,4 +1,4 @@
-"""Reads, and on request sets, the parameters of vehicles' autopilots that a scenario depends on."""
+"""Looks at vehicles' autopilots before a flight; reads, and on request sets, the parameters that plans depend on."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import asyncio
 import time
 from dataclasses import dataclass
 
+from gcs.autopilot_checks import AutopilotWatch
+from gcs.checks import Check, is_go
 from onboard.companion import COMPONENT
 from onboard.config import Scenario
 from onboard.config.schema import VehicleConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.preflight import Finding, Verdict
-from onboard.flight.requirements import Needs
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.transport import Link, TransportError, open_link
@@ -35,6 +36,7 @@ class VehicleReport:
         findings: Every requirement, as it holds now.
         changed: Parameters that were set: name → value that holds now.
         reboot: Whether one of these takes effect after a reboot only.
+        checks: What else was looked at.
     """
 
     vehicle_id: int
@@ -44,23 +46,21 @@ class VehicleReport:
     findings: tuple[Finding, ...] = ()
     changed: tuple[tuple[str, float], ...] = ()
     reboot: bool = False
+    checks: tuple[Check, ...] = ()
 
     @property
     def go(self) -> bool:
         """Whether the plan may be flown."""
-        return not self.problem and all(finding.verdict is not Verdict.WRONG for finding in self.findings)
+        violated = any(finding.verdict is Verdict.WRONG for finding in self.findings)
+        return not self.problem and not violated and is_go(self.checks)
 
 
 class _Session:
     """An autopilot link with a socket, as the onboard process has one."""
 
     def __init__(self, scenario: Scenario, vehicle: VehicleConfig) -> None:
-        self.link = AutopilotLink(
-            vehicle.id,
-            scenario.flight.autopilot_timeout_s,
-            expected=vehicle.autopilot,
-            needs=Needs.of(scenario, vehicle),
-        )
+        self._watch = AutopilotWatch(scenario, vehicle)
+        self.link = self._watch.link
         self._codec = Codec(vehicle.id, COMPONENT)
         self._socket: Link | None = None
         self._heartbeat_s = 0.0
@@ -72,9 +72,13 @@ class _Session:
         if self._socket is not None:
             self._socket.close()
 
+    def checks(self) -> tuple[Check, ...]:
+        """What is seen now, parameters apart."""
+        return tuple(self._watch.checks(time.time()))
+
     def _receive(self, datagram: bytes) -> None:
         for message in self._codec.decode(datagram):
-            self.link.receive(message, time.time())
+            self._watch.receive(message, time.time())
 
     async def until_settled(self) -> str:
         """Run the link until its check is done; what went wrong, if anything."""
@@ -86,13 +90,16 @@ class _Session:
                 return f"no heartbeat within {HEARTBEAT_PATIENCE_S:.0f} s"
             self._send(now_s)
             if heard and self.link.preflight.done and not self.link.parameters.busy:
-                return "" if self.link.preflight.answered else "the autopilot does not answer for its parameters"
+                if not self.link.preflight.answered:
+                    return "the autopilot does not answer for its parameters"
+                if self._watch.seen_enough(now_s):
+                    return ""
             await asyncio.sleep(TICK_S)
         return f"its parameters were not read within {READ_PATIENCE_S:.0f} s"
 
     def _send(self, now_s: float) -> None:
         assert self._socket is not None
-        out = self.link.poll(now_s)
+        out = self._watch.poll(now_s)
         if now_s - self._heartbeat_s >= 1.0:
             self._heartbeat_s = now_s
             out.append(
@@ -110,7 +117,7 @@ class _Session:
 
 
 async def check_vehicle(scenario: Scenario, vehicle_id: int, *, mend: bool) -> VehicleReport:
-    """Connect to a vehicle's autopilot as its onboard process would, and check its parameters.
+    """Connect to a vehicle's autopilot as its onboard process would, and look at it.
 
     Args:
         scenario: What is to be flown.
@@ -136,7 +143,7 @@ async def check_vehicle(scenario: Scenario, vehicle_id: int, *, mend: bool) -> V
             else:
                 changed = _mend(session.link)
                 problem = await session.until_settled()
-        return _report(session.link, vehicle, problem, changed)
+        return _report(session, vehicle, problem, changed)
     finally:
         session.close()
 
@@ -152,7 +159,8 @@ def _mend(link: AutopilotLink) -> tuple[Finding, ...]:
     return wrong
 
 
-def _report(link: AutopilotLink, vehicle: VehicleConfig, problem: str, asked: tuple[Finding, ...]) -> VehicleReport:
+def _report(session: _Session, vehicle: VehicleConfig, problem: str, asked: tuple[Finding, ...]) -> VehicleReport:
+    link = session.link
     heard = link.heard.autopilot is not None
     changed = []
     for finding in asked:
@@ -161,8 +169,6 @@ def _report(link: AutopilotLink, vehicle: VehicleConfig, problem: str, asked: tu
             changed.append((now.name, now.value))
     names = {name for name, _ in changed}
     reboot = any(finding.requirement.reboot and names & set(finding.requirement.names) for finding in asked)
-    if not problem and link.behaviour.autopilot != link.heard.autopilot:
-        problem = f"autopilot {link.heard.autopilot} is neither PX4 nor ArduPilot"
     return VehicleReport(
         vehicle.id,
         vehicle.autopilot_url,
@@ -171,4 +177,5 @@ def _report(link: AutopilotLink, vehicle: VehicleConfig, problem: str, asked: tu
         tuple(link.preflight.findings()) if heard and not problem else (),
         tuple(changed),
         reboot,
+        session.checks(),
     )
