@@ -39,6 +39,8 @@ SAMPLE_S = 5.0
 SETTLE_S = 300.0
 """Kernels, caches and rings fill in the first five minutes; what grows after them is judged."""
 MAX_GROWTH = 0.05
+ENDING_S = 30.0
+"""At the end of a flight, the vehicles land and the processes end."""
 WINDOW_S = 60.0
 """What is compared: the first minute after settling, and the last minute."""
 MAX_LATER_S = 0.005
@@ -165,7 +167,7 @@ def name_of(arguments: list[str]) -> str | None:
     for pattern, name in (
         (r"-m onboard .*--vehicle (\d+)", "vehicle {}"),
         (r"-m sim_bridge ", "bridge"),
-        (r"onboard\.warmup", "warm-up"),
+        (r"onboard\.(planning\.)?warmup", "warm-up"),
         (r"mavsdk_worker", "mavsdk"),
         (r" fly ", "ground"),
     ):
@@ -186,11 +188,11 @@ def judge(samples: Iterable[Sample], minutes: Iterable[Minute], settle_s: float 
         ValueError: The flight was too short to judge.
     """
     taken = [sample for sample in samples if sample.name != "warm-up"]
-    end_s = max((sample.time_s for sample in taken), default=0.0)
+    end_s = max((sample.time_s for sample in taken), default=0.0) - ENDING_S
     if end_s < settle_s + 2.0 * WINDOW_S:
         raise ValueError(f"{end_s:.0f} s of samples; at least {settle_s + 2.0 * WINDOW_S:.0f} s are needed")
     first = [sample for sample in taken if settle_s <= sample.time_s < settle_s + WINDOW_S]
-    last = [sample for sample in taken if sample.time_s > end_s - WINDOW_S]
+    last = [sample for sample in taken if end_s - WINDOW_S < sample.time_s <= end_s]
     verdicts = []
     names = sorted({sample.name for sample in (*first, *last)})
     for name in names:

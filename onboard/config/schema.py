@@ -421,7 +421,9 @@ class Scenario(Section):
                 urls["external.link"] = vehicle.external_url
             for name, url in urls.items():
                 # Several may send to one place, but not through the simulated radio, which knows them by their ports.
-                shared = url.startswith("mcast:") or (url.startswith("udpout:") and self.simulation is None)
+                # Serial ports are each computer's own.
+                elsewhere = url.startswith(("udpout:", "serial:")) and self.simulation is None
+                shared = url.startswith("mcast:") or elsewhere
                 if not shared and url in taken:
                     raise ValueError(f"vehicles[{i}].{name}: {url} is also {taken[url]}; every link has its own")
                 taken[url] = f"vehicles[{i}].{name}"
