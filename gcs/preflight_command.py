@@ -64,7 +64,8 @@ class PreflightReport:
         faults = [_fault("", check) for check in (*self.computer, *self.mocap) if check.outcome is Outcome.FAIL]
         for report in self.vehicles:
             head = f"vehicle {report.vehicle_id}: "
-            if report.problem:
+            unheard = any(check.name == "link" and check.outcome is Outcome.FAIL for check in report.checks)
+            if report.problem and not unheard:
                 faults.append(f"{head}{report.problem}")
             faults += [_fault(head, check) for check in report.checks if check.outcome is Outcome.FAIL]
             faults += [f"{head}{finding}" for finding in report.findings if finding.verdict.value == "wrong"]
