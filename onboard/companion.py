@@ -8,27 +8,28 @@ planner → ``planned`` → ``FlightMachine.fly`` → ``tick`` → SET_POSITION_
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from enum import StrEnum
 
 from onboard.agent import Agent
 from onboard.clock import MissionClock
+from onboard.clock_watch import LARGE_S, ClockWatch
+from onboard.company import Company
 from onboard.config.schema import Scenario
-from onboard.epochs import EpochSchedule, Slot
 from onboard.errors import OnboardError
 from onboard.estimation.measurement import Look
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.events import Event, Refusal
+from onboard.flight.ladder import Condition
 from onboard.flight.machine import AIRBORNE, FlightMachine
 from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
-from onboard.geometry import Pose
 from onboard.landing_place import LandingPlace
 from onboard.last_resort import LastResort
 from onboard.messages import FlightState, PeerStatus
 from onboard.planning.plan import Plan
-from onboard.planning.problem import Problem
+from onboard.planning_desk import PlanningDesk, PlanningJob
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import BROADCAST, Codec, RefusalNotice
 from onboard.protocol.link_quality import SequenceMonitor
@@ -49,6 +50,7 @@ from onboard.protocol.team_messages import (
     read_tile,
 )
 from onboard.status import Counts, Known, planner_status, status_line
+from onboard.timer import Timer
 
 __all__ = ["COMPONENT", "Companion", "LinkName", "PlanningJob"]
 
@@ -64,8 +66,8 @@ MAX_PEER_CLOCK_ERROR_S = 60.0
 """As for signatures: a teammate's status or plan of another minute is refused, and holds nothing up for longer."""
 NEAR_STATUS_S = 0.1
 """How often teammates that are near hear where this vehicle is."""
-MIN_BUDGET_SHARE = 0.2
-"""A slot of which less is left is not used: the plan would be no better than the one being flown."""
+MAX_STATUS_AGE_S = 2.0
+"""What is older on arrival was stamped by a wrong clock rather than under way for so long."""
 
 
 class LinkName(StrEnum):
@@ -79,23 +81,6 @@ class LinkName(StrEnum):
 
 MAX_RATES_HZ = {LinkName.AUTOPILOT: 10_000.0, LinkName.PEERS: 2000.0, LinkName.SENSOR: 2000.0, LinkName.GROUND: 100.0}
 """Messages of one sender on a link: a peer may tell of a thousand targets in every step of half a second."""
-
-
-@dataclass(frozen=True)
-class PlanningJob:
-    """A plan to be made beside the event loop.
-
-    Attributes:
-        slot: When.
-        start: Predicted pose at the epoch's start.
-        problem: What to plan.
-        budget_s: Time until the slot's deadline when the job was made, s.
-    """
-
-    slot: Slot
-    start: Pose
-    problem: Problem
-    budget_s: float
 
 
 class Companion:
@@ -125,7 +110,9 @@ class Companion:
         self._team = {vehicle.id for vehicle in scenario.vehicles} - {vehicle_id}
         self._boot_s = boot_s
         self._clock: MissionClock | None = None
-        self._schedule: EpochSchedule | None = None
+        self._desk: PlanningDesk | None = None
+        self._clocks = ClockWatch(vehicle_id, boot_s)
+        self._company = Company()
         self._signing = signing
         self._codecs = {name: Codec(vehicle_id, COMPONENT, self._signing_of(name)) for name in LinkName}
         self._limits = {name: RateLimit(MAX_RATES_HZ[name]) for name in LinkName}
@@ -139,14 +126,12 @@ class Companion:
         self._unreported: list[Event] = []
         self._events: list[Event] = []
         self._text_id = 0
-        self._next_heartbeat_s = boot_s
-        self._next_status_s = boot_s
-        self._next_near_status_s = boot_s
+        self._heartbeat_timer = Timer(1.0, boot_s)
+        self._status_timer = Timer(scenario.mission.step_s, boot_s)
+        self._near_status_timer = Timer(NEAR_STATUS_S, boot_s)
         self._known: Known | None = None
         self._last_setpoint_s: float | None = None
         self._last_step = -1
-        self._planned_step = -1
-        self._infeasible = False
 
     def _signing_of(self, link: LinkName) -> LinkSigning | None:
         signed = {LinkName.PEERS: SignedLink.PEERS, LinkName.GROUND: SignedLink.GROUND}.get(link)
@@ -167,7 +152,7 @@ class Companion:
             try:
                 match link:
                     case LinkName.AUTOPILOT:
-                        self.autopilot.receive(message, time_s)
+                        self._from_autopilot(message, time_s)
                     case LinkName.PEERS:
                         self._from_peer(message, time_s)
                     case LinkName.SENSOR:
@@ -177,10 +162,20 @@ class Companion:
             except OnboardError:
                 self._counts.refused += 1
 
+    def _from_autopilot(self, message: mavlink.MAVLink_message, time_s: float) -> None:
+        self.autopilot.receive(message, time_s)
+        if isinstance(message, mavlink.MAVLink_timesync_message) and message.get_srcSystem() == self.vehicle.id:
+            self._clocks.receive_autopilot(message, time_s)
+
     def _from_peer(self, message: mavlink.MAVLink_message, time_s: float) -> None:
         if message.get_srcSystem() not in self._team or message.get_srcComponent() != COMPONENT:
             return
         self._peer_frames.setdefault(message.get_srcSystem(), SequenceMonitor()).receive(message.get_seq(), time_s)
+        if isinstance(message, mavlink.MAVLink_timesync_message):
+            answer = self._clocks.receive_peer(message, time_s)
+            if answer is not None:
+                self._send(LinkName.PEERS, answer)
+            return
         if self.agent is None or self._clock is None:
             if isinstance(message, mavlink.MAVLink_planner_status_message):
                 self._rejoin(self._status_of_now(message, time_s), time_s)
@@ -189,6 +184,8 @@ class Companion:
         match message:
             case mavlink.MAVLink_planner_status_message():
                 status = self._status_of_now(message, time_s)
+                pose = self.machine.measured_pose
+                self._company.heard(status, None if pose is None else (pose.north_m, pose.east_m), time_s)
                 self.agent.receive_status(status, time_s)
                 down_m = 0.0 if self._known is None else self._known.position[2]
                 self._last_resort.receive_status(status, self.autopilot.poses.at(status.time_s), down_m, time_s)
@@ -197,6 +194,8 @@ class Companion:
             case mavlink.MAVLink_arvi_plan_message():
                 plan = read_plan(message, self._clock, self._checksum, len(self._scenario.primitives))
                 self._require_of_now(plan.sender, self._clock.time_of(plan.step), time_s)
+                if abs(self._clocks.peer_lead_s(plan.sender)) >= LARGE_S:
+                    raise MessageError(f"vehicle {plan.sender} flies its plan at another time: its clock is wrong")
                 self.agent.receive_plan(plan)
                 begin_s, step_s = self._clock.time_of(plan.step), self._clock.step_s
                 flown = PlanTrajectory(begin_s, plan.start, self.agent.controls(plan), step_s)
@@ -205,9 +204,11 @@ class Companion:
                 self.agent.receive_tile(read_tile(message), time_s)
 
     def _status_of_now(self, message: mavlink.MAVLink_planner_status_message, time_s: float) -> PeerStatus:
+        """By the own clock, as far as the peer's is known to be off."""
         status = read_status(message)
         self._require_of_now(status.sender, status.time_s, time_s)
-        return status
+        said_s = status.time_s - self._clocks.peer_lead_s(status.sender)
+        return replace(status, time_s=said_s if abs(time_s - said_s) <= MAX_STATUS_AGE_S else time_s)
 
     def _require_of_now(self, sender: int, said_s: float, time_s: float) -> None:
         if abs(said_s - time_s) > MAX_PEER_CLOCK_ERROR_S:
@@ -226,9 +227,11 @@ class Companion:
 
     def _from_ground(self, message: mavlink.MAVLink_message, time_s: float) -> None:
         """Obey commands that the configured ground station addresses to this process; the rest is not for us."""
-        if not isinstance(message, (mavlink.MAVLink_command_long_message, mavlink.MAVLink_command_int_message)):
-            return
         if message.get_srcSystem() != self._scenario.ground.system_id:
+            return
+        if isinstance(message, mavlink.MAVLink_heartbeat_message):
+            self._company.heard_ground(time_s)
+        if not isinstance(message, (mavlink.MAVLink_command_long_message, mavlink.MAVLink_command_int_message)):
             return
         if message.target_system != self.vehicle.id or message.target_component not in (COMPONENT, BROADCAST):
             return
@@ -282,17 +285,10 @@ class Companion:
             self._begin_mission(start_s)
 
     def _begin_mission(self, start_s: float) -> None:
-        mission = self._scenario.mission
-        self._clock = MissionClock(start_s, mission.step_s)
-        self._schedule = EpochSchedule(
-            self._clock,
-            mission.replan_steps,
-            mission.planning_time_s,
-            mission.planning_lead_s,
-            mission.publishing_time_s,
-        )
+        self._clock = MissionClock(start_s, self._scenario.mission.step_s)
         self.agent = Agent(self._scenario, self.vehicle, self._clock)
-        self._last_step = self._planned_step = -1
+        self._desk = PlanningDesk(self._scenario, self._clock, self.agent, self.machine, self._counts)
+        self._last_step = -1
 
     # The clockwork.
 
@@ -303,7 +299,7 @@ class Companion:
         pose, position = self.autopilot.pose(), self.autopilot.position
         if pose is not None and position is not None:
             self._known = Known(position, pose.yaw_rad, self.autopilot.velocity)
-        setpoint = self.machine.tick(time_s, may_descend=self._may_descend(time_s))
+        setpoint = self.machine.tick(time_s, may_descend=self._may_descend(time_s), reported=self._worries(time_s))
         if setpoint is None:
             self._last_setpoint_s = None
         else:
@@ -312,15 +308,16 @@ class Companion:
         for message in self.autopilot.poll(time_s):
             self._send(LinkName.AUTOPILOT, message)
         self._step(time_s)
-        if time_s >= self._next_heartbeat_s:
-            self._next_heartbeat_s = max(self._next_heartbeat_s + 1.0, time_s)
+        question = self._clocks.request(len(self._company.around(time_s)), time_s)
+        if question is not None:
+            self._send(LinkName.AUTOPILOT, question)
+            self._send(LinkName.PEERS, question)
+        if self._heartbeat_timer.due(time_s):
             self._heartbeat()
-        if time_s >= self._next_status_s:
-            self._next_status_s = max(self._next_status_s + self._scenario.mission.step_s, time_s)
-            self._next_near_status_s = time_s + NEAR_STATUS_S
+        if self._status_timer.due(time_s):
+            self._near_status_timer.restart(time_s)
             self._status(time_s)
-        elif self._last_resort.near and time_s >= self._next_near_status_s:
-            self._next_near_status_s = time_s + NEAR_STATUS_S
+        elif self._last_resort.near and self._near_status_timer.due(time_s):
             self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
 
@@ -335,15 +332,22 @@ class Companion:
             return False
         return self._last_resort.may_descend(home) and self.agent.team.may_descend(time_s)
 
+    def _worries(self, time_s: float) -> dict[Condition, str]:
+        """What gives reason to worry, but for the autopilot."""
+        worries = self._clocks.seen(time_s) | self._company.seen(time_s, flown=self.machine.state in AIRBORNE)
+        if self._desk is not None and self.machine.state in (FlightState.HOLD, FlightState.TRACK):
+            worries |= self._desk.seen(time_s)
+        if self.machine.state in AIRBORNE:
+            worries |= self._last_resort.dangers
+        return worries
+
     def _kept_off(self, setpoint: Setpoint, time_s: float) -> Setpoint:
         """What is streamed: the flight states' wish, off teammates and inside the fence."""
         pose, position = self.autopilot.pose(), self.autopilot.position
-        if self.agent is None or position is None or not self.autopilot.has_position(time_s):
+        known = position is not None and self.autopilot.has_position(time_s) and not self.machine.blind
+        if self.agent is None or position is None or not known:
             return setpoint
-        kept = self._last_resort.filter(setpoint, time_s, pose, position[2], self.agent.team.last_heard)
-        for text in self._last_resort.news():
-            self._say(mavlink.MAV_SEVERITY_WARNING, text)
-        return kept
+        return self._last_resort.filter(setpoint, time_s, pose, position[2], self.agent.team.last_heard)
 
     def outbox(self) -> list[tuple[LinkName, bytes]]:
         """Frames to send, in order, with their links."""
@@ -388,71 +392,26 @@ class Companion:
 
     def next_slot_s(self, time_s: float) -> float:
         """UNIX time at which the next planning slot starts; infinity while no plan is wanted."""
-        if self.agent is None or self._schedule is None or not self.machine.wants_plans:
-            return math.inf
-        group = self.agent.group(time_s)
-        return self._schedule.current(time_s, group.order, len(group.members)).start_s
+        return math.inf if self._desk is None else self._desk.next_slot_s(time_s)
 
     def planning_job(self, time_s: float) -> PlanningJob | None:
         """The plan to be made now, once for each epoch; None while there is none."""
-        if self.agent is None or self._schedule is None or not self.machine.wants_plans:
-            return None
-        group = self.agent.group(time_s)
-        slot = self._schedule.current(time_s, group.order, len(group.members))
-        if slot.step <= self._planned_step or time_s < slot.start_s:
-            return None
-        budget_s = slot.deadline_s - time_s
-        if budget_s < MIN_BUDGET_SHARE * (slot.end_s - slot.start_s):
-            return None
-        self._planned_step = slot.step
-        start = self._start_pose(slot.epoch_s, time_s)
-        return PlanningJob(slot, start, self.agent.problem(slot.step, start, group), budget_s)
+        return None if self._desk is None else self._desk.job(time_s)
 
     def planned(self, job: PlanningJob, plan: Plan, time_s: float) -> None:
         """Fly a plan that was made, and tell the team."""
-        self._counts.plans += 1
-        if time_s > job.slot.end_s:
-            self._counts.deadline_misses += 1
-            late_ms, took_ms = 1e3 * (time_s - job.slot.end_s), 1e3 * plan.elapsed_s
-            budget_ms = 1e3 * job.budget_s
-            self._say(
-                mavlink.MAV_SEVERITY_WARNING,
-                f"plan {late_ms:.0f} ms late: planner took {took_ms:.0f} of {budget_ms:.0f} ms",
-            )
-        if self.agent is None or self._clock is None or not self.machine.wants_plans:
+        if self._desk is None or self._clock is None:
             return
-        mission = self._scenario.mission
-        if time_s > job.slot.epoch_s + mission.step_s:
-            self._say(mavlink.MAV_SEVERITY_WARNING, "a plan came more than a step late and is not flown")
-            return
-        own = self.agent.adopt(job.slot.step, job.start, plan, job.budget_s)
-        controls = self.agent.controls(own)
-        trajectory = PlanTrajectory(job.slot.epoch_s, job.start, controls, mission.step_s)
-        self.machine.fly(trajectory, job.slot.epoch_s, trajectory.end_s)
-        message = encode_plan(own, self._clock, self._checksum)
-        self._send(LinkName.PEERS, message)
-        self._send(LinkName.GROUND, message)
-        if self._infeasible == plan.feasible:
-            self._infeasible = not plan.feasible
-            text = "a feasible plan again" if plan.feasible else "no feasible plan: it ends in a stop"
-            self._say(mavlink.MAV_SEVERITY_WARNING, text)
+        own = self._desk.planned(job, plan, time_s)
+        if own is not None:
+            message = encode_plan(own, self._clock, self._checksum)
+            self._send(LinkName.PEERS, message)
+            self._send(LinkName.GROUND, message)
 
     def planning_failed(self, job: PlanningJob, reason: str) -> None:
         """A planner that raised leaves the last plan flying, then a hold."""
-        self._counts.deadline_misses += 1
-        self._say(mavlink.MAV_SEVERITY_ERROR, f"planner failed for step {job.slot.step}: {reason}")
-
-    def _start_pose(self, epoch_s: float, time_s: float) -> Pose:
-        """Where the vehicle will be when the epoch starts: on its trajectory, unless it is far off it now."""
-        start = self.machine.reference_pose(epoch_s)
-        measured = self.autopilot.pose()
-        error = self.machine.tracking_error_m(time_s)
-        if measured is None or error is None or error <= self._scenario.flight.reanchor_error_m:
-            return start
-        now = self.machine.reference_pose(time_s)
-        return Pose(
-            start.north_m + measured.north_m - now.north_m, start.east_m + measured.east_m - now.east_m, start.yaw_rad
-        )
+        if self._desk is not None:
+            self._desk.failed(job, reason)
 
     # What it says of itself.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from onboard.config.polygon import Point
 from onboard.config.schema import Scenario, VehicleConfig
+from onboard.flight.ladder import Condition
 from onboard.flight.separation import Guard, Obstruction
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory, Reference
@@ -23,8 +24,6 @@ NEAR_M = 1.5
 """Gap to a teammate below which positions must be fresh: at 2 m/s it lasts less than a second."""
 NOTICE_M_S = 0.2
 """A change of the velocity that the operator is told of."""
-CALM_S = 2.0
-"""Without such a change for so long, danger is over."""
 
 _ON_THE_GROUND = (FlightState.WAIT, FlightState.STANDBY, FlightState.ARM, FlightState.LANDED)
 
@@ -39,6 +38,7 @@ class LastResort:
     Attributes:
         near: Whether a teammate is so near that it should hear more often where this robot is.
         strays: Teammates that nobody flies, or that land.
+        dangers: What the setpoint was bent for last, with details in words (none).
     """
 
     def __init__(self, scenario: Scenario, vehicle: VehicleConfig) -> None:
@@ -56,9 +56,7 @@ class LastResort:
         self._homes = {mate.id: mate.home for mate in scenario.vehicles}
         self._return_m_s = scenario.flight.return_speed_m_s
         self._plans: dict[int, list[PlanTrajectory]] = {}
-        self._acted_s = -math.inf
-        self._acting = False
-        self._news: list[str] = []
+        self.dangers: dict[Condition, str] = {}
 
     def alive(self, sender: int, time_s: float) -> None:
         """Something of a peer arrived at a UNIX time."""
@@ -93,7 +91,7 @@ class LastResort:
             math.dist(here, (other.north_m, other.east_m)) - other.distance_m < NEAR_M for other in obstructions
         )
         filtered = self._guard.filter(setpoint, here, obstructions)
-        self._watch(setpoint, filtered, time_s)
+        self.dangers = self._dangers(setpoint, filtered, here)
         return filtered
 
     def obstructions(self, time_s: float, here: Point, down_m: float, heard: Sequence[PeerStatus]) -> list[Obstruction]:
@@ -128,11 +126,6 @@ class LastResort:
             stray.sinks or math.dist(stray.nearest(place), place) >= self._keep_m + stray.unsure_m
             for stray in self.strays
         )
-
-    def news(self) -> list[str]:
-        """What the operator should know since the last call."""
-        news, self._news = self._news, []
-        return news
 
     def _place_at(self, status: PeerStatus, time_s: float) -> Place:
         """Where a peer was and how it moved at a UNIX time: along its plan if it was on it, else as it last did."""
@@ -172,16 +165,20 @@ class LastResort:
                 return plan.reference(time_s)
         return None
 
-    def _watch(self, wanted: Setpoint, filtered: Setpoint, time_s: float) -> None:
-        change = math.hypot(
-            wanted.velocity_north_m_s - filtered.velocity_north_m_s,
-            wanted.velocity_east_m_s - filtered.velocity_east_m_s,
-        )
-        if change > NOTICE_M_S:
-            self._acted_s = time_s
-            if not self._acting:
-                self._acting = True
-                self._news.append("last resort: too close to a teammate or the fence; keeping off")
-        elif self._acting and time_s - self._acted_s > CALM_S:
-            self._acting = False
-            self._news.append("last resort: clear again")
+    def _dangers(self, wanted: Setpoint, filtered: Setpoint, here: Point) -> dict[Condition, str]:
+        """Whether it was the fence or a teammate, or both."""
+        if _change_m_s(wanted, filtered) <= NOTICE_M_S:
+            return {}
+        fenced = self._guard.filter(wanted, here, ())
+        found = {}
+        if _change_m_s(wanted, fenced) > NOTICE_M_S:
+            found[Condition.FENCE_NEAR] = ""
+        if not found or _change_m_s(fenced, filtered) > NOTICE_M_S:
+            found[Condition.TEAMMATE_NEAR] = ""
+        return found
+
+
+def _change_m_s(one: Setpoint, other: Setpoint) -> float:
+    return math.hypot(
+        one.velocity_north_m_s - other.velocity_north_m_s, one.velocity_east_m_s - other.velocity_east_m_s
+    )

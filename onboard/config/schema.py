@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from onboard.config.base import NonNegative, Positive, Section, SystemId
+from onboard.config.battery import BatteryConfig
 from onboard.config.exposure import leaving
 from onboard.config.external import External
 from onboard.config.guard import GuardConfig
@@ -221,6 +222,10 @@ class FlightConfig(Section):
         default=10.0, description="how long to wait above home, or to get there, before landing"
     )
     reanchor_error_m: Positive = 0.6
+    takeoff_patience_s: Positive = Field(
+        default=15.0, description="how long a climb may take on top of twice its time at climb_m_s, before landing"
+    )
+    battery: BatteryConfig = BatteryConfig()
     guard: GuardConfig = GuardConfig()
     autopilot_timeout_s: Positive = 4.5
 

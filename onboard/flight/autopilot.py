@@ -12,6 +12,7 @@ from onboard.config.simulation import OriginConfig
 from onboard.flight.ardupilot import ArduPilot
 from onboard.flight.behaviour import Behaviour, Request
 from onboard.flight.events import Event
+from onboard.flight.motion_watch import MotionWatch
 from onboard.flight.placement import Placement
 from onboard.flight.pose_history import ClockOffset, PoseHistory
 from onboard.flight.preflight import Preflight
@@ -58,6 +59,7 @@ class AutopilotLink:
         parameters: Those that were read.
         preflight: What the plan needs of them.
         boots: How often the autopilot was seen to boot anew.
+        motion: Whether the position agrees with the vehicle's tilt.
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class AutopilotLink:
         self.parameters = ParameterClient((system_id, COMPONENT))
         self.preflight = Preflight(self.parameters, ())
         self.boots = 0
+        self.motion = MotionWatch()
         self._needs = needs
         self._told_findings: list[str] = []
         self._expected = self.behaviour
@@ -109,6 +112,7 @@ class AutopilotLink:
             case mavlink.MAVLink_heartbeat_message():
                 self._identify(message.autopilot, time_s)
             case mavlink.MAVLink_local_position_ned_message() | mavlink.MAVLink_attitude_message():
+                self.motion.receive(message)
                 self._remember(message, self._clock.unix(message.time_boot_ms, time_s))
             case mavlink.MAVLink_param_value_message():
                 self.parameters.receive(message)
@@ -245,15 +249,13 @@ class AutopilotLink:
             self._ask_anew(time_s)
 
     def _watch(self, time_s: float) -> None:
-        """Say when the link comes and goes, and which sensors fail and recover."""
+        """Say when the link comes, and which sensors fail and recover."""
         alive = self.alive(time_s)
         if alive != self._was_heard:
             self._was_heard = alive
             if alive:
                 self._ask_anew(time_s)
                 self._say(mavlink.MAV_SEVERITY_INFO, f"autopilot heard: {self.behaviour.name}")
-            else:
-                self._say(mavlink.MAV_SEVERITY_CRITICAL, "autopilot link lost")
         if self.heard.unhealthy != self._unhealthy and self.heard.armed:
             failed = [name for name in self.heard.unhealthy if name not in self._unhealthy]
             recovered = [name for name in self._unhealthy if name not in self.heard.unhealthy]
@@ -271,6 +273,7 @@ class AutopilotLink:
         self.heard = Telemetry()
         self.heard.heartbeat_s, self.heard.autopilot = heartbeat_s, autopilot
         self.poses = PoseHistory()
+        self.motion = MotionWatch()
         self._clock = ClockOffset()
         self._placement.forget()
         self._ask_anew(time_s)

@@ -2,23 +2,26 @@
 
 A plain object: times, the autopilot link and plans go in; setpoints, commands on the link and events come out. Each
 state is one method that does its work and names the next state. What differs between autopilots is in the link's
-behaviour. Somebody else taking the vehicle (its mode changed, it was disarmed) releases it at once from every state in
-the air.
+behaviour. What goes wrong is on the failsafe ladder (``ladder.py``), and the machine does what the ladder asks for.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from onboard.config.schema import FlightConfig, VehicleConfig
 from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.flight.autopilot import AutopilotLink
-from onboard.flight.custody import Custody, Holder
+from onboard.flight.custody import Holder
 from onboard.flight.events import Event, Refusal
-from onboard.flight.launch import HEARTBEAT_LAG_S, Launch
+from onboard.flight.ladder import Action, Condition, Ladder
+from onboard.flight.launch import Launch
+from onboard.flight.reactions import following
 from onboard.flight.setpoints import HeightReference, Setpoint, SetpointTracker
 from onboard.flight.trajectory import Followed, Hold, Trajectory, Transfer
+from onboard.flight.watch import FLIGHT, FlightWatch
 from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
@@ -50,6 +53,7 @@ is not over home yet.
 _FLOWN = (FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
 _COMMANDED = (FlightState.TAKEOFF, *_FLOWN)
 AIRBORNE = (*_COMMANDED, FlightState.LAND)
+_NOTHING: Mapping[Condition, str] = MappingProxyType({})
 
 
 class FlightMachine:
@@ -64,6 +68,7 @@ class FlightMachine:
     Attributes:
         state: Where the flight is.
         trajectory: What is flown now; None while nothing has been commanded.
+        ladder: What is wrong.
     """
 
     def __init__(
@@ -86,15 +91,17 @@ class FlightMachine:
         self._command_s = -math.inf
         self._return_by_s = self._arrived_s = math.inf
         self._launch = Launch((), 0.0)
-        self._launched_s = math.inf
-        self._custody = Custody(link)
+        self.ladder = Ladder()
+        self._watch = FlightWatch(link, config)
+        self._ordered: Condition | None = None
+        self._reported: Mapping[Condition, str] = _NOTHING
+        self._refused = ""
         self._height = HeightReference(0.0)
         self._near_layer_s = math.inf
         self._last_tick_s = -math.inf
         self._home = vehicle.home_pose
         self._paused = False
         self._land_taken = self._land_shown = False
-        self._holder = Holder.WE
         self._lack = ("", -math.inf)
         self._events: list[Event] = []
         self._handlers: dict[FlightState, Callable[[float, bool], FlightState]] = {
@@ -122,6 +129,7 @@ class FlightMachine:
         }.get(self.state, "")
         if not why and (lack := self._link.lacks(time_s)):
             why = f"the autopilot is not ready: {lack}"
+        why = why or self._watch.battery_refusal
         if why:
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"start refused: {why}")
         self._enter(FlightState.ARM, time_s)
@@ -129,18 +137,14 @@ class FlightMachine:
 
     def land(self, time_s: float) -> Refusal | None:
         """Return above home and land; asking again changes nothing."""
-        if self.state in (FlightState.HOLD, FlightState.TRACK, FlightState.TAKEOFF):
-            self._enter(FlightState.RETURN, time_s)
-        elif self.state is FlightState.ARM:
-            self._enter(FlightState.LAND, time_s)
-        elif self.state is FlightState.RELEASED:
+        if self.state is FlightState.RELEASED:
             return Refusal(mavlink.MAV_RESULT_DENIED, "land refused: somebody else has the vehicle")
+        self._order(Condition.LANDING_ORDERED, time_s)
         return None
 
     def land_here(self, time_s: float) -> None:
         """Land at once where the vehicle is, for the end of the process."""
-        if self.state in (FlightState.ARM, *_COMMANDED):
-            self._enter(FlightState.LAND, time_s)
+        self._order(Condition.PROCESS_ENDS, time_s)
 
     def land_at(self, north_m: float, east_m: float, time_s: float) -> None:
         """On the way home: land there instead, since somebody may lie at home."""
@@ -166,9 +170,8 @@ class FlightMachine:
         self._next = None
         self._paused = False
         self._height = HeightReference(self._measured_down_m)
-        self._launched_s = time_s  # as after a launch, heartbeats are late
-        self._custody = Custody(link)
-        self._holder = Holder.WE
+        self._ordered = None
+        self._watch.begin(launched_s=time_s)  # as after a launch, heartbeats are late
         self._say(mavlink.MAV_SEVERITY_NOTICE, f"in the air in {link.mode_name}: taking the vehicle up again")
         self._enter(FlightState.HOLD, time_s)
         return True
@@ -179,6 +182,7 @@ class FlightMachine:
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"pause refused: state is {self.state.name}")
         self._paused = True
         self._next = None
+        self._flown_until_s = math.inf
         if self.state is FlightState.TRACK:
             self._enter(FlightState.HOLD, time_s)
         return None
@@ -200,7 +204,12 @@ class FlightMachine:
     @property
     def wants_plans(self) -> bool:
         """Whether a plan would be flown."""
-        return self.state in (FlightState.HOLD, FlightState.TRACK) and not self._paused
+        return self.state in (FlightState.HOLD, FlightState.TRACK) and not self._paused and not self._held
+
+    @property
+    def blind(self) -> bool:
+        """Whether the position must not be relied on."""
+        return self._watch.blind
 
     @property
     def over_home(self) -> bool:
@@ -214,7 +223,7 @@ class FlightMachine:
         """Whether the vehicle is in the air and not where this process flies it, as far as it knows."""
         heard = self._link.heard
         if self.state in _COMMANDED:
-            return self._holder is not Holder.WE or not self._link.has_position(time_s)
+            return self._watch.holder is not Holder.WE or not self._link.has_position(time_s)
         if self.state is FlightState.LAND:
             return not self._link.has_position(time_s)
         return self.state is not FlightState.LANDED and heard.armed and heard.on_ground is False
@@ -236,9 +245,14 @@ class FlightMachine:
             return self.trajectory.reference(time_s).pose
         return self._link.pose() or self._home
 
+    @property
+    def measured_pose(self) -> Pose | None:
+        """Where the autopilot says that the vehicle is."""
+        return self._link.pose()
+
     def tracking_error_m(self, time_s: float) -> float | None:
         """Horizontal distance between where the vehicle is and should be, m; None when no plan is flown."""
-        measured = self._link.pose()
+        measured = self.measured_pose
         if self.state is not FlightState.TRACK or measured is None or self.trajectory is None:
             return None
         return measured.distance_m(self.trajectory.reference(time_s).pose)
@@ -249,36 +263,42 @@ class FlightMachine:
 
     def events(self) -> list[Event]:
         """What happened since the last call."""
-        events, self._events = self._events, []
+        events, self._events = [*self._events, *self.ladder.events()], []
         return events
 
     # The clockwork.
 
-    def tick(self, time_s: float, *, may_descend: bool) -> Setpoint | None:
+    def tick(
+        self, time_s: float, *, may_descend: bool, reported: Mapping[Condition, str] = _NOTHING
+    ) -> Setpoint | None:
         """Advance to a UNIX time; the setpoint to stream, if any.
 
         Args:
             time_s: UNIX time, s; called at the setpoint rate.
             may_descend: Whether no teammate is in the way of a descent above home.
+            reported: What others than the autopilot give reason to worry about, with details in words.
         """
         self._listen(time_s)
-        self._watch(time_s)
-        following = self._handlers[self.state](time_s, may_descend)
-        if following is not self.state:
-            self._enter(following, time_s)
+        self._reported = reported
+        self._react(time_s)
+        state = self._handlers[self.state](time_s, may_descend)
+        if state is not self.state:
+            self._enter(state, time_s)
         elapsed = min(max(time_s - self._last_tick_s, 0.0), 0.1)
         self._last_tick_s = time_s
         if not self._streams or self.trajectory is None:
             return None
         self._move_height(elapsed)
         measured, down_m = None, None
-        if self.state is not FlightState.ARM and self._link.has_position(time_s):
+        if self.state is not FlightState.ARM and self._link.has_position(time_s) and not self.blind:
             measured, down_m = self._link.pose(), self._measured_down_m
         trajectory = self.trajectory
         if self._next is not None and self.state in (FlightState.HOLD, FlightState.TRACK):
             trajectory = Followed(trajectory, self._next[1], self._next[0])
         response = self._link.behaviour.response
-        return self._tracker.setpoint(trajectory, time_s, self._height, measured, down_m, response)
+        setpoint = self._tracker.setpoint(trajectory, time_s, self._height, measured, down_m, response)
+        brake_m_s = self._watch.brake_m_s if self._held else None
+        return setpoint if brake_m_s is None else setpoint.at_velocity(*brake_m_s)
 
     @property
     def _streams(self) -> bool:
@@ -291,14 +311,18 @@ class FlightMachine:
         previous, self.state = self.state, state
         self._since_s = time_s
         self._command_s = -math.inf
+        self._events += self.ladder.events()  # the reason comes before what comes of it
         self._say(mavlink.MAV_SEVERITY_INFO, f"{previous.name} -> {state.name}")
+        if state not in (FlightState.ARM, *_COMMANDED):
+            self.ladder.forget(*FLIGHT)
+            self._ordered = None
         if state is FlightState.ARM:
             self._begin_flight(time_s)
         elif state is FlightState.TAKEOFF:
-            self._launched_s = time_s
+            self._watch.begin(launched_s=time_s)
             self._near_layer_s = math.inf
         elif state is FlightState.HOLD:
-            self.trajectory = Hold(self.reference_pose(time_s) if self.trajectory is None else self._now(time_s))
+            self.trajectory = Hold(self._hover_pose(time_s))
             self._start_stream(previous)
         elif state is FlightState.RETURN:
             self._next = None
@@ -340,9 +364,9 @@ class FlightMachine:
         self._next = None
         self._paused = False
         self._height = HeightReference(self._measured_down_m)
-        self._launched_s = math.inf
-        self._custody = Custody(self._link)
-        self._holder = Holder.WE
+        self._flown_until_s = math.inf
+        self._refused = ""
+        self._watch.begin()
         behaviour = self._link.behaviour
         begin_s = time_s + (STREAM_BEFORE_LAUNCH_S if behaviour.streams_before_takeoff else 0.0)
         self._launch = Launch(behaviour.launch(self._vehicle.layer_m + self._height.down_m), begin_s)
@@ -375,10 +399,6 @@ class FlightMachine:
     def _arm(self, time_s: float, may_descend: bool) -> FlightState:
         if self._launch.advance(self._link, time_s):
             return FlightState.TAKEOFF
-        if time_s - self._since_s > LAUNCH_PATIENCE_S:
-            at = self._launch.waits_for(self._link)
-            self._say(mavlink.MAV_SEVERITY_ERROR, f"not in the air within {LAUNCH_PATIENCE_S:.0f} s ({at}); gave up")
-            return FlightState.STANDBY
         return FlightState.ARM
 
     def _takeoff(self, time_s: float, may_descend: bool) -> FlightState:
@@ -388,7 +408,7 @@ class FlightMachine:
         return FlightState.HOLD if reached else FlightState.TAKEOFF
 
     def _hold(self, time_s: float, may_descend: bool) -> FlightState:
-        if self._paused or self._next is None or time_s < self._next[0]:
+        if self._paused or self._held or self._next is None or time_s < self._next[0]:
             return FlightState.HOLD
         self._switch()
         return FlightState.TRACK
@@ -396,9 +416,6 @@ class FlightMachine:
     def _track(self, time_s: float, may_descend: bool) -> FlightState:
         if self._next is not None and time_s >= self._next[0]:
             self._switch()
-        if time_s >= self._flown_until_s:
-            self._say(mavlink.MAV_SEVERITY_WARNING, "no new plan until the end of the last one; holding")
-            return FlightState.HOLD
         return FlightState.TRACK
 
     def _return(self, time_s: float, may_descend: bool) -> FlightState:
@@ -420,11 +437,8 @@ class FlightMachine:
             return FlightState.LANDED
         if heard.mode == behaviour.land_mode:
             self._land_taken = self._land_shown = True
-        elif self._land_shown and heard.armed and not heard.failsafe:
-            self._say(mavlink.MAV_SEVERITY_WARNING, f"somebody else took the vehicle (mode {self._link.mode_name})")
-            return FlightState.RELEASED
         asked = self._link.busy(mavlink.MAV_CMD_DO_SET_MODE) or time_s - self._command_s < COMMAND_RETRY_S
-        if heard.mode != behaviour.land_mode and not asked and self._holder is not Holder.AUTOPILOT:
+        if heard.mode != behaviour.land_mode and not asked and self._watch.holder is not Holder.AUTOPILOT:
             self._command_s = time_s
             self._link.ask(behaviour.mode(behaviour.land_mode), time_s)
         return FlightState.LAND
@@ -443,36 +457,63 @@ class FlightMachine:
         for outcome in self._link.outcomes():
             if not outcome.accepted:
                 explanation = self._link.explanation(time_s)
-                text = f"autopilot: {outcome} ({explanation})" if explanation else f"autopilot: {outcome}"
-                self._say(mavlink.MAV_SEVERITY_WARNING, text)
+                text = f"{outcome} ({explanation})" if explanation else f"{outcome}"
+                self._say(mavlink.MAV_SEVERITY_WARNING, f"autopilot: {text}")
+                self._refused = text
             elif self.state is FlightState.ARM:
                 self._launch.accepted(outcome, time_s)
+                self._refused = ""
             elif self.state is FlightState.LAND and outcome.command == mavlink.MAV_CMD_DO_SET_MODE:
                 self._land_taken = True
 
-    def _watch(self, time_s: float) -> None:
-        """Let go of a vehicle that somebody else has taken; land one that nobody has."""
-        if self.state not in _COMMANDED or not self._link.alive(time_s):
-            return
-        if time_s - self._launched_s < HEARTBEAT_LAG_S:
-            return
-        verdict = self._custody.judge(self._link.behaviour.guided_mode, time_s)
-        if verdict.holder is self._holder:
-            return
-        self._holder = verdict.holder
-        match verdict.holder:
-            case Holder.WE:
-                self._say(mavlink.MAV_SEVERITY_NOTICE, "the autopilot follows again")
-            case Holder.AUTOPILOT:
-                self._say(mavlink.MAV_SEVERITY_CRITICAL, verdict.reason)
-            case Holder.NOBODY | Holder.LANDING:
-                self._say(mavlink.MAV_SEVERITY_CRITICAL, verdict.reason)
-                self._enter(FlightState.LAND, time_s)
-            case Holder.ANOTHER:
-                self._say(
-                    mavlink.MAV_SEVERITY_WARNING, f"somebody else took the vehicle ({verdict.reason}); letting go"
-                )
-                self._enter(FlightState.RELEASED, time_s)
+    # The ladder.
+
+    def _order(self, condition: Condition, time_s: float) -> None:
+        """What somebody asks for is a condition like the others, and comes at once."""
+        if self.state in (FlightState.ARM, *_COMMANDED):
+            self._ordered = condition
+            self._react(time_s)
+
+    def _react(self, time_s: float) -> None:
+        """Do what the ladder asks for."""
+        action = self.ladder.update({**self._reported, **self._seen(time_s)}, time_s)
+        state = following(action, self.state)
+        if state is not None:
+            self._enter(state, time_s)
+
+    def _seen(self, time_s: float) -> dict[Condition, str]:
+        seen = self._watch.seen(time_s, flown=self.state in _COMMANDED)
+        heard, lasts_s = self._link.heard, time_s - self._since_s
+        if self._ordered is not None:
+            seen[self._ordered] = ""
+        if self.state is FlightState.ARM:
+            if self._refused:
+                seen[Condition.ARMING_REFUSED] = self._refused
+            if lasts_s > LAUNCH_PATIENCE_S:
+                seen[Condition.NOT_LAUNCHED] = self._launch.waits_for(self._link)
+        elif self.state is FlightState.TAKEOFF:
+            climb_s = self._vehicle.layer_m / self._config.climb_m_s
+            if lasts_s > self._config.takeoff_patience_s + 2.0 * climb_s:
+                seen[Condition.LAYER_NOT_REACHED] = f"{self._off_layer_m():.1f} m off"
+        elif self.state is FlightState.LAND:
+            other = heard.mode != self._link.behaviour.land_mode and heard.armed and not heard.failsafe
+            if self._land_shown and other:
+                seen[Condition.TAKEN_OVER] = f"mode {self._link.mode_name}"
+        elif self.wants_plans and self._next is None and time_s >= self._flown_until_s:
+            seen[Condition.PLAN_FLOWN_OUT] = ""
+        return seen
+
+    @property
+    def _held(self) -> bool:
+        """Whether the ladder wants it to hover whatever plans say."""
+        return self.ladder.action in (Action.HOLD, Action.STOP)
+
+    def _hover_pose(self, time_s: float) -> Pose:
+        """Where to hover: where the trajectory is, unless it is not to be relied on."""
+        if self._held or self.trajectory is None:
+            self._next, self._flown_until_s = None, math.inf
+            return self._link.pose() or self._home
+        return self._now(time_s)
 
     def _switch(self) -> None:
         if self._next is not None:

@@ -52,6 +52,7 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 50.0,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: 50.0,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: 2.0,
+            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 5.0,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
         }

@@ -148,14 +148,7 @@ class Guard:
         bounds = [*self._fence_bounds(place), *self._peer_bounds(place, obstructions)]
         if _keeps(wanted, bounds):
             return setpoint
-        north, east = nearest_velocity(wanted, bounds)
-        return replace(
-            setpoint,
-            velocity_north_m_s=north,
-            velocity_east_m_s=east,
-            acceleration_north_m_s2=0.0,  # it leads along the trajectory that is not flown
-            acceleration_east_m_s2=0.0,
-        )
+        return setpoint.at_velocity(*nearest_velocity(wanted, bounds))
 
     def _peer_bounds(self, place: Point, obstructions: Sequence[Obstruction]) -> list[Bound]:
         """Each of two vehicles that approach each other gets half of the gap between them."""

@@ -50,6 +50,16 @@ class Setpoint:
         """The same with its height in another frame, NED."""
         return replace(self, down_m=down_m)
 
+    def at_velocity(self, north_m_s: float, east_m_s: float) -> Setpoint:
+        """The same height and heading with another horizontal velocity, without acceleration."""
+        return replace(
+            self,
+            velocity_north_m_s=north_m_s,
+            velocity_east_m_s=east_m_s,
+            acceleration_north_m_s2=0.0,
+            acceleration_east_m_s2=0.0,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class HeightReference:

@@ -14,6 +14,8 @@ from onboard.protocol import dialect as mavlink
 __all__ = ["Telemetry"]
 
 _PREARM_BIT: int = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+_VISION_BIT: int = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
+_AIDED_BITS: int = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS
 _POSITION_TIMEOUT_S = 0.5
 _REBOOT_MS = 1000
 """A boot time this much below the last one is another boot's; UDP reorders by less."""
@@ -35,6 +37,9 @@ class Telemetry:
         prearm_ok: SYS_STATUS's pre-arm health bit.
         unhealthy: Names of the enabled sensors that SYS_STATUS calls unhealthy.
         battery_percent: 0..100; None if unknown.
+        unaided: Whether the estimate of the position runs on inertial sensors alone: ESTIMATOR_STATUS's flags (PX4), or
+            a vision position that is enabled and unhealthy in SYS_STATUS (ArduPilot).
+        message_s: UNIX time of the last message.
         local_position: North m, east m, down m in the autopilot's local frame; None before the first.
         local_velocity: North m/s, east m/s with it.
         yaw_rad: Heading; None before the first.
@@ -50,6 +55,8 @@ class Telemetry:
         self.prearm_ok = False
         self.unhealthy: tuple[str, ...] = ()
         self.battery_percent: int | None = None
+        self.message_s = -math.inf
+        self._estimator_unaided = self._vision_unhealthy = False
         self.local_position: tuple[float, float, float] | None = None
         self.local_velocity = (0.0, 0.0)
         self.yaw_rad: float | None = None
@@ -59,6 +66,7 @@ class Telemetry:
 
     def receive(self, message: mavlink.MAVLink_message, time_s: float) -> None:
         """Take a message of this autopilot that arrived at a UNIX time."""
+        self.message_s = time_s
         match message:
             case mavlink.MAVLink_heartbeat_message():
                 self.heartbeat_s = time_s
@@ -84,10 +92,20 @@ class Telemetry:
                 self.unhealthy = _sensor_names(
                     message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health & ~_PREARM_BIT
                 )
+                self._vision_unhealthy = bool(
+                    message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health & _VISION_BIT
+                )
                 self.battery_percent = message.battery_remaining if message.battery_remaining >= 0 else None
+            case mavlink.MAVLink_estimator_status_message():
+                self._estimator_unaided = not message.flags & _AIDED_BITS
             case mavlink.MAVLink_extended_sys_state_message():
                 self._tells_landing = True
                 self.on_ground = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+
+    @property
+    def unaided(self) -> bool:
+        """Whether the estimate of the position runs on inertial sensors alone."""
+        return self._estimator_unaided or self._vision_unhealthy
 
     def rebooted(self, message: mavlink.MAVLink_message) -> bool:
         """Whether this message's ``time_boot_ms`` has run back: the autopilot booted anew since the last one."""

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from onboard.config import load_scenario
+from onboard.flight.ladder import Condition
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
-from onboard.last_resort import CALM_S, LastResort
+from onboard.last_resort import LastResort
 from onboard.messages import FlightState, PeerStatus
 from onboard.planning.primitives import Primitive
 
@@ -72,15 +73,16 @@ def test_a_peer_that_fell_silent_is_still_kept_off_for_a_while() -> None:
     assert len(unit().obstructions(NOW + GUARD.silence_s - 0.1, HERE, -1.0, [STATUS])) == 1
 
 
-def test_the_operator_hears_when_it_acts_and_when_it_is_over() -> None:
+def test_what_it_bends_a_setpoint_for_is_seen_while_it_does() -> None:
     resort, here = unit(), Pose(1.2, 4.0, 0.0)
     assert resort.filter(setpoint(1.0, 0.0), NOW, here, -1.0, [STATUS]).velocity_north_m_s < 0.5
     assert resort.near
-    assert resort.news() == ["last resort: too close to a teammate or the fence; keeping off"]
-    away = dataclasses.replace(STATUS, position=(3.9, 7.0, -1.0), time_s=NOW + CALM_S + 0.1)
-    resort.filter(setpoint(0.0, 0.0), NOW + CALM_S + 0.1, here, -1.0, [away])
+    assert set(resort.dangers) == {Condition.TEAMMATE_NEAR}
+    resort.filter(setpoint(1.0, 0.0), NOW, Pose(3.9, 1.0, 0.0), -1.0, [STATUS])
+    assert set(resort.dangers) == {Condition.FENCE_NEAR}
     assert not resort.near
-    assert resort.news() == ["last resort: clear again"]
+    resort.filter(setpoint(0.0, 0.0), NOW, here, -1.0, [])
+    assert resort.dangers == {}
 
 
 def test_without_a_position_nothing_is_changed() -> None:

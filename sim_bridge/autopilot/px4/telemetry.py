@@ -24,6 +24,9 @@ _PREARM = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 
 _ESTIMATOR_ALL = 0x37F
 _ESTIMATOR_ATTITUDE = mavlink.ESTIMATOR_ATTITUDE
+_ESTIMATOR_UNAIDED = 0xC1
+"""While no position arrives, of motion capture or GPS: measured from 0.4 to 0.8 s after the last one on."""
+_UNAIDED_S = 0.4
 _ESTIMATOR_GLOBAL = mavlink.ESTIMATOR_POS_HORIZ_ABS | mavlink.ESTIMATOR_PRED_POS_HORIZ_ABS
 
 _CAPABILITIES = 59647
@@ -151,6 +154,8 @@ class Px4Telemetry:
         flags = _ESTIMATOR_ATTITUDE if health.attitude else 0
         if health.local_position:
             flags = _ESTIMATOR_ALL if health.global_position else _ESTIMATOR_ALL & ~_ESTIMATOR_GLOBAL
+        if health.attitude and self._platform.estimator.silent_s(self._clock.time_s) > _UNAIDED_S:
+            flags = _ESTIMATOR_UNAIDED
         return mavlink.MAVLink_estimator_status_message(
             self._clock.boot_us, flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.05, 0.05
         )

@@ -20,6 +20,8 @@ from onboard.protocol.px4_modes import Px4Mode
 
 TICK_S = 0.02
 TAKEOFF_M_S = 1.0
+LAG_S = 0.1
+"""Of the velocity; what it takes to reach it shows in the attitude."""
 VEHICLE = VehicleConfig.model_validate({"id": 1, "home": (1.0, 2.0), "layer_m": 1.5})
 FAMILIES = list(BEHAVIOURS)
 
@@ -27,7 +29,7 @@ SetpointMessage = mavlink.MAVLink_set_position_target_local_ned_message
 
 
 class Flight:
-    """A machine, its link, and an autopilot that follows setpoints perfectly and obeys unless told otherwise."""
+    """A machine, its link, and an autopilot that follows setpoints at once and obeys unless told otherwise."""
 
     def __init__(self, family: str = "px4") -> None:
         self.link = AutopilotLink(1, timeout_s=4.5, expected=family)
@@ -46,7 +48,11 @@ class Flight:
         self.refuse: dict[int, int] = {}
         self.says: list[str] = []
         self.position = [1.0, 2.0, 0.0]
-        self.velocity = (0.0, 0.0)
+        self.wanted = (0.0, 0.0)
+        self.velocity = [0.0, 0.0]
+        self.battery_percent = 80
+        self.aided = True
+        self.frozen_at: list[float] | None = None
         self.setpoints: list[SetpointMessage] = []
         self.texts: list[str] = []
         self.states = [self.machine.state]
@@ -111,26 +117,43 @@ class Flight:
         if self._ticks % 10 == 0:
             ready = self.ready and self.ready_in in (None, self.mode)
             health = mavlink.MAV_SYS_STATUS_PREARM_CHECK if ready else 0
-            self.say(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 12000, 0, 80, 0, 0, 0, 0, 0, 0))
+            charge = self.battery_percent
+            self.say(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 12000, 0, charge, 0, 0, 0, 0, 0, 0))
             if not self.old:
                 self.say(mavlink.MAVLink_extended_sys_state_message(0, landed))
+                aids = mavlink.ESTIMATOR_ATTITUDE | (mavlink.ESTIMATOR_POS_HORIZ_REL if self.aided else 0)
+                self.say(mavlink.MAVLink_estimator_status_message(0, aids, *[0.1] * 8))
+        tilt_m_s2 = self._move()
+        told = [*self.position, *self.velocity] if self.frozen_at is None else [*self.frozen_at, 0.0, 0.0]
         if not self.old or mavlink.MAV_DATA_STREAM_POSITION in self.groups_asked:
-            self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *self.position, *self.velocity, 0.0))
+            self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *told, 0.0))
+        pitch, roll = -math.atan(tilt_m_s2[0] / 9.81), math.atan(tilt_m_s2[1] / 9.81)
         if not self.old or mavlink.MAV_DATA_STREAM_EXTRA1 in self.groups_asked:
-            self.say(mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+            self.say(mavlink.MAVLink_attitude_message(boot_ms, roll, pitch, 0.0, 0.0, 0.0, 0.0))
         if self.armed and self.mode == self.behaviour.land_mode:
             self.position[2] = min(self.position[2] + 0.7 * TICK_S, 0.0)
             self.armed = self.position[2] < 0.0
         elif self.armed and self.climbing_to is not None:
             self.position[2] = max(self.position[2] - TAKEOFF_M_S * TICK_S, self.climbing_to)
 
+    def _move(self) -> tuple[float, float]:
+        """Sideways, as wanted; the acceleration that the attitude shows."""
+        if self.position[2] > -0.02:
+            self.velocity = [0.0, 0.0]
+            return 0.0, 0.0
+        follows = self.armed and self.mode == self.behaviour.guided_mode
+        wanted = (self.wanted[0] + self.wind_m_s, self.wanted[1]) if follows else (0.0, 0.0)
+        tilt_m_s2 = ((wanted[0] - self.velocity[0]) / LAG_S, (wanted[1] - self.velocity[1]) / LAG_S)
+        for axis in (0, 1):
+            self.velocity[axis] += tilt_m_s2[axis] * TICK_S
+            self.position[axis] += self.velocity[axis] * TICK_S
+        return tilt_m_s2
+
     def _follow(self, setpoint: SetpointMessage) -> None:
         self.setpoints.append(setpoint)
         if not self.armed or self.mode != self.behaviour.guided_mode:
             return
-        self.velocity = (setpoint.vx + self.wind_m_s, setpoint.vy)
-        self.position[0] += self.velocity[0] * TICK_S
-        self.position[1] += self.velocity[1] * TICK_S
+        self.wanted = (setpoint.vx, setpoint.vy)
         if self.behaviour is BEHAVIOURS["px4"]:
             self.position[2] = setpoint.z
         elif self.position[2] < 0.0:
