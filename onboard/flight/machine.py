@@ -223,7 +223,7 @@ class FlightMachine:
         """Whether the vehicle is in the air and not where this process flies it, as far as it knows."""
         heard = self._link.heard
         if self.state in _COMMANDED:
-            return self._watch.holder is not Holder.WE or not self._link.has_position(time_s)
+            return self._watch.holder is not Holder.WE or self.blind
         if self.state is FlightState.LAND:
             return not self._link.has_position(time_s)
         return self.state is not FlightState.LANDED and heard.armed and heard.on_ground is False
@@ -297,7 +297,7 @@ class FlightMachine:
             trajectory = Followed(trajectory, self._next[1], self._next[0])
         response = self._link.behaviour.response
         setpoint = self._tracker.setpoint(trajectory, time_s, self._height, measured, down_m, response)
-        brake_m_s = self._watch.brake_m_s if self._held else None
+        brake_m_s = self._link.motion.brake_m_s if self._held else None
         return setpoint if brake_m_s is None else setpoint.at_velocity(*brake_m_s)
 
     @property

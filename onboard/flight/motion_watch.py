@@ -7,7 +7,8 @@ does not convince it; a bias takes up wind and the rest of the drag (for north a
     v̇ = a − d v + b + 2ω (v_told − v),   ḃ = ω² (v_told − v).
 
 An autopilot whose position source repeats an old pose believes soon that it stands still, whatever it does: then the
-position rests while v does not. Nothing of this depends on the clock of the onboard computer: all times are the
+position rests while v does not. The heading that it tells is drawn to the old pose's, too, so that its own brakes pull
+sideways; gyroscopes tell the true one. Nothing of this depends on the clock of the onboard computer: all times are the
 autopilot's.
 """
 
@@ -17,12 +18,15 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from onboard.geometry import wrap_angle
 from onboard.protocol import dialect as mavlink
 
 __all__ = ["FROZEN_M", "JUMP_M", "MotionWatch"]
 
 GRAVITY_M_S2 = 9.81
 OMEGA_RAD_S = 0.7
+YAW_RATE_PER_S = 1.0
+"""How fast the integrated heading is drawn to the one that is told."""
 DRAG_PER_S = 0.2
 """A usual one; what is missing or too much of it is the bias's."""
 WINDOW_S = 0.25
@@ -30,10 +34,14 @@ WINDOW_S = 0.25
 REST_M = 0.08
 FROZEN_M = 0.2
 """A position that rests while the vehicle has come so far is frozen."""
+DOUBTED = 20
+"""Corrections of the velocity that are taken back when the position turns out to be frozen: 0.4 s at 50 Hz."""
 PERSISTS_S = 0.12
 """For so long, that is: a vehicle that reverses rests for a moment, too."""
 JUMP_M = 0.5
 """How much farther a position that jumps has come within ``WINDOW_S`` than the vehicle has."""
+MAX_BRAKE_M_S = 1.0
+"""Of what is asked for against the vehicle's own velocity, while nothing else tells how fast it is."""
 MAX_STEP_S = 0.2
 """A gap in the messages that is not integrated over."""
 SETTLING_S = 2.0
@@ -63,11 +71,13 @@ class MotionWatch:
         self._velocity = [0.0, 0.0]
         self._way = [0.0, 0.0]
         self._bias = [0.0, 0.0]
+        self._yaw_rad = self._told_yaw_rad = 0.0
         self._attitude_ms: int | None = None
         self._position_ms: int | None = None
         self._since_ms: int | None = None
         self._rests_ms: int | None = None
         self._places: deque[_Place] = deque(maxlen=64)
+        self._corrections: deque[tuple[float, float]] = deque(maxlen=DOUBTED)
 
     @property
     def velocity_m_s(self) -> tuple[float, float] | None:
@@ -76,6 +86,22 @@ class MotionWatch:
             return None
         settled = (self._position_ms - self._since_ms) * 1e-3 >= SETTLING_S
         return (self._velocity[0], self._velocity[1]) if settled else None
+
+    @property
+    def brake_m_s(self) -> tuple[float, float] | None:
+        """North and east, m/s: what to ask for to stop while the position is frozen; None while it is not.
+
+        Against the vehicle's own velocity, and turned as far as the autopilot's heading is off.
+        """
+        velocity = self.velocity_m_s if self.frozen else None
+        if velocity is None:
+            return None
+        north, east = (-min(1.0, MAX_BRAKE_M_S / max(math.hypot(*velocity), 1e-9)) * value for value in velocity)
+        off_rad = self._told_yaw_rad - self._yaw_rad
+        return (
+            math.cos(off_rad) * north - math.sin(off_rad) * east,
+            math.sin(off_rad) * north + math.cos(off_rad) * east,
+        )
 
     def receive(self, message: mavlink.MAVLink_attitude_message | mavlink.MAVLink_local_position_ned_message) -> None:
         """Take what the autopilot tells of its motion."""
@@ -86,14 +112,18 @@ class MotionWatch:
 
     def _turn(self, message: mavlink.MAVLink_attitude_message) -> None:
         """Integrate what the tilt makes of the thrust since the last message."""
-        angles = (message.roll, message.pitch, message.yaw)
-        if not all(math.isfinite(angle) for angle in angles):
+        told = (message.roll, message.pitch, message.yaw, message.yawspeed)
+        if not all(math.isfinite(value) for value in told):
             return
         elapsed_s = self._elapsed_s(self._attitude_ms, message.time_boot_ms)
-        self._attitude_ms = message.time_boot_ms
+        self._attitude_ms, self._told_yaw_rad = message.time_boot_ms, message.yaw
         if elapsed_s is None:
+            self._yaw_rad = message.yaw
             return
-        for axis, acceleration in enumerate(_horizontal_acceleration(*angles)):
+        self._yaw_rad += elapsed_s * message.yawspeed
+        if not self.frozen:
+            self._yaw_rad += YAW_RATE_PER_S * elapsed_s * wrap_angle(message.yaw - self._yaw_rad)
+        for axis, acceleration in enumerate(_horizontal_acceleration(message.roll, message.pitch, self._yaw_rad)):
             drag = DRAG_PER_S * self._velocity[axis]
             self._velocity[axis] += elapsed_s * (acceleration - drag + self._bias[axis])
             self._way[axis] += elapsed_s * self._velocity[axis]
@@ -115,20 +145,26 @@ class MotionWatch:
         self._places.append(_Place(message.time_boot_ms, (message.x, message.y), (self._way[0], self._way[1])))
         self._judge()
         if not self.frozen:
-            for axis, velocity in enumerate((message.vx, message.vy)):
-                off = velocity - self._velocity[axis]
-                self._velocity[axis] += min(2.0 * OMEGA_RAD_S * elapsed_s, 1.0) * off
-                self._bias[axis] += OMEGA_RAD_S**2 * elapsed_s * off
+            share = min(2.0 * OMEGA_RAD_S * elapsed_s, 1.0)
+            off = (message.vx - self._velocity[0], message.vy - self._velocity[1])
+            for axis in (0, 1):
+                self._velocity[axis] += share * off[axis]
+                self._bias[axis] += OMEGA_RAD_S**2 * elapsed_s * off[axis]
+            self._corrections.append((share * off[0], share * off[1]))
 
     def _judge(self) -> None:
         begin, end = self._places[0], self._places[-1]
         told, flown = _between(begin.told, end.told), _between(begin.flown, end.flown)
         settled = self.velocity_m_s is not None and end.stamp_ms - begin.stamp_ms >= 0.8e3 * WINDOW_S
-        if settled and math.hypot(*told) < REST_M and math.hypot(*flown) > FROZEN_M:
+        if settled and math.hypot(*told) < REST_M and (self.frozen or math.hypot(*flown) > FROZEN_M):
             self._rests_ms = end.stamp_ms if self._rests_ms is None else self._rests_ms
         else:
             self._rests_ms = None
+        was_frozen = self.frozen
         self.frozen = self._rests_ms is not None and end.stamp_ms - self._rests_ms >= 1e3 * PERSISTS_S
+        if self.frozen and not was_frozen:
+            for axis in (0, 1):
+                self._velocity[axis] -= sum(correction[axis] for correction in self._corrections)
         excess_m = math.dist(told, flown)
         self.jumped_m = excess_m if settled and excess_m > JUMP_M and not self.frozen else 0.0
 
@@ -138,6 +174,7 @@ class MotionWatch:
         self._bias = [0.0, 0.0]
         self._since_ms = message.time_boot_ms
         self._places.clear()
+        self._corrections.clear()
 
     @staticmethod
     def _elapsed_s(before_ms: int | None, now_ms: int) -> float | None:

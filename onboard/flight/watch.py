@@ -87,16 +87,6 @@ class FlightWatch:
         worn = percent is not None and percent <= 100.0 * self._battery.critical
         return f"the battery is at {percent} %" if worn else ""
 
-    @property
-    def brake_m_s(self) -> tuple[float, float] | None:
-        """North and east, m/s: what stops a vehicle whose position is frozen, by its tilt; None if it is not."""
-        motion = self._link.motion
-        velocity = motion.velocity_m_s if motion.frozen else None
-        if velocity is None:
-            return None
-        share = -min(1.0, MAX_BRAKE_M_S / max(math.hypot(*velocity), 1e-9))
-        return share * velocity[0], share * velocity[1]
-
     def seen(self, time_s: float, *, flown: bool) -> dict[Condition, str]:
         """What gives reason to worry at a UNIX time, with details in words.
 
@@ -156,7 +146,3 @@ class FlightWatch:
                 return {Condition.FAILSAFE_LASTS: verdict.reason}
             case Holder.ANOTHER:
                 return {Condition.TAKEN_OVER: verdict.reason}
-
-
-MAX_BRAKE_M_S = 1.0
-"""Of the velocity that is asked for against the vehicle's own, while nothing else tells how fast it is."""

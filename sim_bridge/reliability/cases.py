@@ -11,10 +11,13 @@ from onboard.config.faults import Component, FaultConfig, FaultType
 from sim_bridge.reliability.flight import VICTIM
 from sim_bridge.reliability.phases import AIR, Phase
 from sim_bridge.reliability.reactions import (
+    ANYTHING,
     CARRIES_ON,
     FAILS_SAFE,
     FLIES_IN_THE_END,
+    GOES_HOME,
     HOLDS,
+    LANDS_HERE,
     SAFE_ALONE,
     STAYS_DOWN,
     Reaction,
@@ -96,13 +99,6 @@ _COASTS = Gap(
     "a vehicle that loses its setpoints out of its teammates' range coasts (COM_OBL_RC_ACT 0) to where they land",
     "^separation",
 )
-_BLIND = Gap(
-    "without a position PX4 refuses to land by command and hovers blind", "outside the fence|^not down|^separation"
-)
-_FROZEN = Gap("a frozen position is not noticed", "outside the fence|^separation|^not seen")
-_BATTERY = Gap("the battery is not watched", "^not seen: says")
-_NO_TIMESYNC = Gap("peers' clocks are not compared", "^not seen: says|^separation")
-
 _C, _T = Component, FaultType
 _ALL: tuple[int, ...] = ()
 _ONE = (VICTIM,)
@@ -169,23 +165,43 @@ _DETECTOR = (
     Case("detector: half lost", _fault(_C.DETECTOR, _T.INTERMITTENT, _ALL, 5.0), _FLYING),
 )
 
-_NO_POSITION = Expected(FAILS_SAFE, 6.0, fence_m=3.0, gap=_BLIND)
-"""4.65 s without a position, shown by the next heartbeat; blind, the vehicle drifts meanwhile."""
+_UNAIDED = Expected(all_of(HOLDS, says("position source does not come back"), LANDS_HERE), 4.0, fence_m=0.8)
+"""Noticed within 1.1 s, landed 2.3 s later; blind, the vehicle drifts meanwhile."""
+
+_ASTRAY_M = 1.3
+"""How far a vehicle flies, mostly unseen, until its frozen position is noticed after 0.4 s and it has braked."""
+
+_FREEZES = Expected(all_of(HOLDS, says("position frozen")), 0.7, fence_m=_ASTRAY_M)
+_FREEZES_LONG = Expected(all_of(LANDS_HERE, says("still frozen")), 2.3, fence_m=_ASTRAY_M)
 
 _MOCAP = (
     Case("mocap: off for 1.5 s", _fault(_C.MOCAP, _T.OFF, _ONE, 1.5), _EVERYWHERE),
-    Case("mocap: off for good", _fault(_C.MOCAP, _T.OFF, _ONE, None), _in(_NO_POSITION, *AIR)),
+    Case(
+        "mocap: off for good",
+        _fault(_C.MOCAP, _T.OFF, _ONE, None),
+        _in(_UNAIDED, Phase.TRACKING)
+        | _in(replace(_UNAIDED, reaction=LANDS_HERE), Phase.TAKEOFF, Phase.PAUSED, Phase.RETURNING),
+    ),
     Case(
         "mocap: frozen for 1 s",
         _fault(_C.MOCAP, _T.STUCK, _ONE, 1.0),
-        _EVERYWHERE | _in(Expected(gap=_FROZEN), *AIR),
+        _EVERYWHERE
+        | _in(_FREEZES, Phase.TRACKING)
+        | _in(replace(_ON, fence_m=_ASTRAY_M), Phase.PAUSED, Phase.RETURNING),
     ),
     Case(
         "mocap: frozen for 4 s",
         _fault(_C.MOCAP, _T.STUCK, _ONE, 4.0),
-        _in(_ON, Phase.GROUND) | _in(Expected(gap=_FROZEN), *AIR),
+        _in(_ON, Phase.GROUND)
+        | _in(_FREEZES_LONG, Phase.TRACKING)
+        | _in(Expected(ANYTHING, fence_m=_ASTRAY_M), Phase.TAKEOFF, Phase.PAUSED, Phase.RETURNING),
     ),
     Case("mocap: jumps by 0.3 m", _fault(_C.MOCAP, _T.WRONG, _ONE, 3.0, north_m=0.3), _EVERYWHERE),
+    Case(
+        "mocap: jumps by 1.5 m",
+        _fault(_C.MOCAP, _T.WRONG, _ONE, 3.0, north_m=1.5),
+        _in(Expected(all_of(HOLDS, says("position jumps")), 0.5, fence_m=2.0), Phase.TRACKING),
+    ),
     Case("mocap: scatters by 0.1 m", _fault(_C.MOCAP, _T.GARBAGE, _ONE, 3.0, std_m=0.1), _EVERYWHERE),
     Case("mocap: 5 Hz", _fault(_C.MOCAP, _T.SLOW, _ONE, 4.0), _EVERYWHERE),
     Case("mocap: 100 ms late", _fault(_C.MOCAP, _T.DELAYED, _ONE, 4.0), _EVERYWHERE),
@@ -233,17 +249,27 @@ _AUTOPILOT = (
     Case(
         "battery: low",
         _fault(_C.BATTERY, _T.WRONG, _ONE, None, remaining=0.15),
-        _in(Expected(says("[Bb]attery"), 3.0, gap=_BATTERY), *AIR),
+        _in(Expected(all_of(CARRIES_ON, says("battery low")), 1.3), Phase.TAKEOFF, Phase.TRACKING, Phase.PAUSED)
+        | _in(Expected(says("battery low"), 1.3), Phase.RETURNING),
     ),
     Case(
         "battery: critical",
         _fault(_C.BATTERY, _T.WRONG, _ONE, None, remaining=0.07),
-        _in(Expected(says("[Bb]attery"), 3.0, gap=_BATTERY), *AIR),
+        _in(Expected(all_of(GOES_HOME, says("battery critical")), 1.3), *AIR),
+    ),
+    Case(
+        "battery: empty",
+        _fault(_C.BATTERY, _T.WRONG, _ONE, None, remaining=0.04),
+        _in(Expected(all_of(LANDS_HERE, says("battery empty")), 1.3), *AIR),
     ),
 )
 
 _GROUND = (
-    Case("ground link: off for 6 s", _fault(_C.GROUND_LINK, _T.OFF, _ONE, 6.0), _EVERYWHERE),
+    Case(
+        "ground link: off for 6 s",
+        _fault(_C.GROUND_LINK, _T.OFF, _ONE, 6.0),
+        _EVERYWHERE | _in(Expected(all_of(CARRIES_ON, says("ground station is heard again")), 7.2), Phase.TRACKING),
+    ),
     Case("ground link: half lost", _fault(_C.GROUND_LINK, _T.INTERMITTENT, _ALL, 6.0, loss=0.5), _EVERYWHERE),
     Case("ground link: 1 s late", _fault(_C.GROUND_LINK, _T.DELAYED, _ALL, 6.0, delay_s=1.0), _EVERYWHERE),
 )
@@ -308,17 +334,19 @@ _CLOCK = (
     Case(
         "clock: jumps by 0.3 s for 5 s",
         _fault(_C.CLOCK, _T.WRONG, _ONE, 5.0, offset_s=0.3),
-        _in(Expected(says("clock"), 3.0, gap=_NO_TIMESYNC), *AIR, Phase.GROUND),
+        _in(Expected(says("own clock jumped"), 2.6), *AIR, Phase.GROUND)
+        | _in(Expected(all_of(HOLDS, says("own clock is wrong")), 2.6), Phase.TRACKING),
     ),
     Case(
         "clock: 5 s behind for 5 s",
         _fault(_C.CLOCK, _T.WRONG, _ONE, 5.0, offset_s=-5.0),
-        _in(Expected(says("clock"), 3.0, gap=_NO_TIMESYNC), *AIR, Phase.GROUND),
+        _in(Expected(says("own clock jumped"), 2.6), *AIR, Phase.GROUND)
+        | _in(Expected(all_of(HOLDS, says("own clock is wrong")), 2.6), Phase.TRACKING),
     ),
     Case(
         "clock: gains 10 ms/s",
         _fault(_C.CLOCK, _T.WRONG, _ONE, None, offset_s=0.0, drift_ppm=10_000.0),
-        _in(Expected(says("clock"), 8.0, gap=_NO_TIMESYNC), Phase.TRACKING),
+        _in(Expected(all_of(says("own clock jumped"), says("clocks differ")), 8.0), Phase.TRACKING),
     ),
 )
 

@@ -14,11 +14,13 @@ from onboard.protocol.px4_modes import Px4Mode
 from sim_bridge.reliability.flight import Flight
 
 __all__ = [
+    "ANYTHING",
     "CARRIES_ON",
     "FAILS_SAFE",
     "FLIES_IN_THE_END",
+    "GOES_HOME",
     "HOLDS",
-    "LANDS",
+    "LANDS_HERE",
     "SAFE_ALONE",
     "STAYS_DOWN",
     "Evidence",
@@ -177,4 +179,6 @@ STAYS_DOWN = Reaction("stays on the ground", _stays_down)
 FAILS_SAFE = Reaction("autopilot fails safe, ground hears it", _fails_safe)
 SAFE_ALONE = Reaction("stands, lands or fails safe by itself, ground hears it", _safe_alone)
 HOLDS = Reaction("holds", _in_state(FlightState.HOLD))
-LANDS = Reaction("goes home or lands", _in_state(FlightState.LAND, FlightState.RETURN))
+GOES_HOME = Reaction("goes home", _in_state(FlightState.RETURN, FlightState.LAND))
+LANDS_HERE = Reaction("lands where it is", _in_state(FlightState.LAND))
+ANYTHING = Reaction("whatever it does", lambda _: 0.0)

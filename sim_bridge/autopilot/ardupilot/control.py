@@ -202,7 +202,9 @@ class CopterControl:
             _MAX_INTEGRAL_M_S2,
             dt_s,
         )
-        return self._vehicle.holding(self._tilt.step((north, east, down), dt_s), self._turn(wish, limits, dt_s))
+        return self._vehicle.holding(
+            self._estimator.as_flown(self._tilt.step((north, east, down), dt_s)), self._turn(wish, limits, dt_s)
+        )
 
     def _expect(self, dt_s: float) -> None:
         """Follow the trajectory with the lags that the vehicle has."""

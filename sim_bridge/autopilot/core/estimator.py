@@ -141,6 +141,16 @@ class Estimator:
         """Time since the last position, s; infinite before the first."""
         return time_s - self._fused_s
 
+    def as_flown(self, acceleration: tuple[float, float, float]) -> tuple[float, float, float]:
+        """What becomes of a wanted acceleration, north, east, down: tilts are made in the body's frame.
+
+        They pull sideways by as much as the heading is off.
+        """
+        off_rad = self._vehicle.yaw_rad - self.yaw_rad
+        cos_off, sin_off = math.cos(off_rad), math.sin(off_rad)
+        north, east, down = acceleration
+        return cos_off * north - sin_off * east, sin_off * north + cos_off * east, down
+
     def predict(self, time_s: float, dt_s: float) -> None:
         """Follow the inertial sensors over a step."""
         vehicle = self._vehicle

@@ -145,10 +145,11 @@ class Commander:
     def _fallback(self, health: Health) -> Px4Mode | None:
         """What replaces a mode that cannot run; None disarms.
 
-        OFFBOARD without a position counts as a lost stream, so COM_OBL_RC_ACT decides there, too.
+        OFFBOARD without a position counts as a lost stream, so COM_OBL_RC_ACT decides there, too. The automatic modes
+        fall back on RTL, LAND and at last DESCEND, which needs no position and shows as LAND.
         """
         if self.intended is not Px4Mode.OFFBOARD:
-            return Px4Mode.LAND if health.local_position else Px4Mode.ALTCTL
+            return Px4Mode.LAND
         action = self._parameters["COM_OBL_RC_ACT"]
         if action == _DISARM_ACTION:
             return None

@@ -142,7 +142,9 @@ class PositionControl:
             - (0.0 if math.isnan(east) else damping * tilt.east),
             _acceleration(self._down, down, estimator.velocity_down_m_s, wanted[2], gains.velocity_z, dt_s),
         )
-        return self._vehicle.holding(self._tilt.step(acceleration, dt_s), self._yaw_acceleration(setpoint, gains, dt_s))
+        return self._vehicle.holding(
+            self._estimator.as_flown(self._tilt.step(acceleration, dt_s)), self._yaw_acceleration(setpoint, gains, dt_s)
+        )
 
     def _yaw_acceleration(self, setpoint: Setpoint, gains: _Gains, dt_s: float) -> float:
         rate = 0.0 if math.isnan(setpoint.yaw_rate_rad_s) else setpoint.yaw_rate_rad_s

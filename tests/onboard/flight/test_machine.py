@@ -8,6 +8,7 @@ import pytest
 
 from onboard.config.schema import FlightConfig, VehicleConfig
 from onboard.flight.autopilot import BEHAVIOURS, AutopilotLink
+from onboard.flight.ladder import Condition
 from onboard.flight.machine import AT_HOME_M, OVER_HOME_M, SLOW_M_S, FlightMachine
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
@@ -53,6 +54,9 @@ class Flight:
         self.battery_percent = 80
         self.aided = True
         self.frozen_at: list[float] | None = None
+        self.tells_position = True
+        self.climbs = True
+        self.reported: dict[Condition, str] = {}
         self.setpoints: list[SetpointMessage] = []
         self.texts: list[str] = []
         self.states = [self.machine.state]
@@ -69,7 +73,7 @@ class Flight:
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK_S)):
             self._autopilot()
-            setpoint = self.machine.tick(self.time_s, may_descend=self.may_descend)
+            setpoint = self.machine.tick(self.time_s, may_descend=self.may_descend, reported=self.reported)
             if setpoint is not None:
                 self.link.stream(setpoint, self.time_s, 0.0)
             for message in self.link.poll(self.time_s):
@@ -125,7 +129,7 @@ class Flight:
                 self.say(mavlink.MAVLink_estimator_status_message(0, aids, *[0.1] * 8))
         tilt_m_s2 = self._move()
         told = [*self.position, *self.velocity] if self.frozen_at is None else [*self.frozen_at, 0.0, 0.0]
-        if not self.old or mavlink.MAV_DATA_STREAM_POSITION in self.groups_asked:
+        if self.tells_position and (not self.old or mavlink.MAV_DATA_STREAM_POSITION in self.groups_asked):
             self.say(mavlink.MAVLink_local_position_ned_message(boot_ms, *told, 0.0))
         pitch, roll = -math.atan(tilt_m_s2[0] / 9.81), math.atan(tilt_m_s2[1] / 9.81)
         if not self.old or mavlink.MAV_DATA_STREAM_EXTRA1 in self.groups_asked:
@@ -155,7 +159,7 @@ class Flight:
             return
         self.wanted = (setpoint.vx, setpoint.vy)
         if self.behaviour is BEHAVIOURS["px4"]:
-            self.position[2] = setpoint.z
+            self.position[2] = setpoint.z if self.climbs else -0.3
         elif self.position[2] < 0.0:
             self.climbing_to = None  # a setpoint ends ArduPilot's takeoff
             self.position[2] += setpoint.vz * TICK_S
