@@ -88,7 +88,7 @@ def fly(family: str, *spells: Spell) -> Flown:
 def test_two_seconds_without_motion_capture_are_held_through_and_for_good_it_lands_where_it_is(family: str) -> None:
     """Before the autopilot's own failsafe, which comes after 4.7 s (PX4) or 7.9 s (ArduPilot)."""
     flown = fly(family, (Component.MOCAP, AFTER_S, 2.0), (Component.MOCAP, AFTER_S + 6.0, None))
-    flown.until(FlightState.RELEASED, 5.5)
+    flown.until(FlightState.RELEASED, 10.0)
     assert flown.states == [FlightState.TRACK, FlightState.HOLD, FlightState.TRACK]
     assert not flown.said("failsafe")
     flown.until(FlightState.LANDED, 40.0)
