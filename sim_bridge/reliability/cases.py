@@ -95,10 +95,6 @@ class Case:
         return self.fault.until_s
 
 
-_COASTS = Gap(
-    "a vehicle that loses its setpoints out of its teammates' range coasts (COM_OBL_RC_ACT 0) to where they land",
-    "^separation",
-)
 _C, _T = Component, FaultType
 _ALL: tuple[int, ...] = ()
 _ONE = (VICTIM,)
@@ -131,8 +127,6 @@ _SILENT_FENCE_M = 2.2
 
 _FAILSAFE = Expected(FAILS_SAFE, 2.4, fence_m=_SILENT_FENCE_M)
 """1.05 to 1.13 s after the last setpoint, shown by the next heartbeat."""
-
-_FAILSAFES = _in(_FAILSAFE, *AIR) | _in(replace(_FAILSAFE, gap=_COASTS), Phase.RETURNING)
 
 _NOTHING = (Case("nothing", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 5.0, loss=0.0), _EVERYWHERE),)
 """What flights are like without a fault."""
@@ -278,12 +272,12 @@ _PROCESS = (
     Case(
         "process: killed",
         _fault(_C.PROCESS, _T.OFF, _ONE, None),
-        _FAILSAFES | _in(Expected(STAYS_DOWN), Phase.GROUND, Phase.ARMING),
+        _in(_FAILSAFE, *AIR) | _in(Expected(STAYS_DOWN), Phase.GROUND, Phase.ARMING),
     ),
     Case(
         "process: killed, starts again after 3 s",
         _fault(_C.PROCESS, _T.OFF, _ONE, 3.0),
-        _FAILSAFES | _in(Expected(FLIES_IN_THE_END), Phase.GROUND),
+        _in(_FAILSAFE, *AIR) | _in(Expected(FLIES_IN_THE_END), Phase.GROUND),
     ),
     Case(
         "process: killed, starts again after 1 s",
@@ -294,7 +288,7 @@ _PROCESS = (
     Case(
         "process: stopped for 3 s",
         _fault(_C.PROCESS, _T.STUCK, _ONE, 3.0),
-        _FAILSAFES | _in(_ON, Phase.GROUND, Phase.ARMING, Phase.LANDING),
+        _in(_FAILSAFE, *AIR) | _in(_ON, Phase.GROUND, Phase.ARMING, Phase.LANDING),
     ),
     Case("process: all stopped for 0.5 s", _fault(_C.PROCESS, _T.STUCK, _ALL, 0.5), _EVERYWHERE),
     Case("process: a fifth of its time", _fault(_C.PROCESS, _T.SLOW, _ONE, 5.0), _EVERYWHERE),

@@ -88,24 +88,24 @@ def test_the_team_flies_on(fly, faults):
 
 def test_a_killed_process_leaves_its_vehicle_in_its_autopilots_failsafe_and_the_others_flying(fly):
     flown = fly(fault("process", "off", None))
-    assert "vehicle 2: mode OFFBOARD → POSCTL" in flown.text
+    assert "vehicle 2: mode OFFBOARD → LAND" in flown.text
     assert "vehicle 2: Disarmed by landing" in flown.text
     for vehicle in (1, 3):
-        assert f"vehicle {vehicle}: mode OFFBOARD → POSCTL" not in flown.text
+        assert f"vehicle {vehicle}: mode OFFBOARD → LAND" not in flown.text
     flown.check_all_down_and_apart(1, 3)
 
 
 def test_a_stopped_process_takes_its_vehicle_up_again(fly):
     flown = fly(fault("process", "stuck", 2.0))
-    assert "vehicle 2: mode OFFBOARD → POSCTL" in flown.text
-    assert "vehicle 2: mode POSCTL → OFFBOARD" in flown.text
+    assert "vehicle 2: mode OFFBOARD → LAND" in flown.text
+    assert "vehicle 2: mode LAND → OFFBOARD" in flown.text
     flown.check_all_down_and_apart(1, 2, 3)
 
 
 def test_a_silent_autopilot_link_is_told(fly):
     flown = fly(fault("autopilot_link", "off", 6.0))
     assert "vehicle 2: autopilot link lost" in flown.text
-    assert "vehicle 2: mode OFFBOARD → POSCTL" in flown.text
+    assert "vehicle 2: mode OFFBOARD → LAND" in flown.text
     flown.check_all_down_and_apart(1, 2, 3)
 
 

@@ -191,7 +191,7 @@ def test_a_killed_onboard_process_harms_only_itself_and_ctrl_c_lands_the_others(
 
     os.kill(team.onboard_pid(2), signal.SIGKILL)
     team.wait_for("vehicle 2's onboard process ended: killed by SIGKILL", 5.0)
-    team.wait_for("vehicle 2: mode OFFBOARD → POSCTL", 5.0)
+    team.wait_for("vehicle 2: mode OFFBOARD → LAND", 5.0)
     team.wait_for("vehicle 2: Disarmed by landing", 20.0)
     assert sum("TRACK OFFBOARD" in part for part in progress(team)[-1].split("|")) == 2
 

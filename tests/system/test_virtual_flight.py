@@ -157,9 +157,9 @@ def test_a_dead_onboard_process_leaves_its_autopilot_in_failsafe_and_the_others_
     time_s, mode, status = next(
         beat for beat in flight.heartbeats[2] if beat[1] != Px4Mode.OFFBOARD and beat[0] > died_s
     )
-    assert (mode, status) == (Px4Mode.POSCTL, mavlink.MAV_STATE_CRITICAL)
+    assert (mode, status) == (Px4Mode.LAND, mavlink.MAV_STATE_CRITICAL)
     assert time_s - died_s < 1.13 + 1.1, "1.05-1.13 s after the last setpoint, shown by the next heartbeat"
-    assert flight.truth[2].down == pytest.approx(0.0, abs=0.05), "without sticks it sinks and lands"
+    assert flight.truth[2].down == pytest.approx(0.0, abs=0.05), "COM_OBL_RC_ACT 4: it lands"
     for vehicle_id, companion in flight.team.companions.items():
         assert companion.machine.state is FlightState.TRACK
         assert {beat[1] for beat in flight.heartbeats[vehicle_id] if beat[0] > died_s} == {Px4Mode.OFFBOARD}
