@@ -42,6 +42,11 @@ OFFBOARD = 6 << 16
 _PARAMETERS = {"COM_OF_LOSS_T": 1.0, "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0}
 """Others are a thousand, which is enough of anything."""
 
+_HEALTHY = mavlink.MAVLink_sys_status_message(
+    0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, 0, 0, 0, battery_remaining=100,
+    drop_rate_comm=0, errors_comm=0, errors_count1=0, errors_count2=0, errors_count3=0, errors_count4=0,
+)  # fmt: skip
+
 _CHECKSUM = primitives_checksum(LAB.primitive_set)
 _ALL_MESSAGES = sorted(mavlink.mavlink_map)
 _SENDERS = ((1, 1), (2, COMPONENT), (3, COMPONENT), (LAB.ground.system_id, 190), (250, 1), (1, COMPONENT), (77, 77))
@@ -92,7 +97,7 @@ class _KinematicAutopilot:
         mode = 1 | (mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0)
         messages = (
             mavlink.MAVLink_heartbeat_message(2, 12, mode, self._mode, 4 if self._armed else 3, 3),
-            mavlink.MAVLink_sys_status_message(0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, *[0] * 10),
+            _HEALTHY,
             mavlink.MAVLink_local_position_ned_message(boot_ms, self.north_m, self.east_m, self.down_m, 0.0, 0.0, 0.0),
             mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, self.yaw_rad, 0.0, 0.0, 0.0),
         )
@@ -263,7 +268,7 @@ _AUTOPILOT_SAYS: tuple[mavlink.MAVLink_message, ...] = (
     mavlink.MAVLink_heartbeat_message(2, 12, 145, OFFBOARD, 4, 3),
     mavlink.MAVLink_local_position_ned_message(1000, 1.0, 2.8, -1.0, 0.0, 0.0, 0.0),
     mavlink.MAVLink_attitude_message(1000, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
-    mavlink.MAVLink_sys_status_message(0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, *[0] * 10),
+    _HEALTHY,
     mavlink.MAVLink_extended_sys_state_message(0, 2),
     mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, 0),
     mavlink.MAVLink_statustext_message(4, b"text", 1, 0),

@@ -14,7 +14,16 @@ from onboard.messages import FlightState
 from sim_bridge.reliability.cases import ANYTIME, CASES, REPRESENTATIVE, Case, Expected, Gap
 from sim_bridge.reliability.flight import Flight, Heartbeat, Said, Sample
 from sim_bridge.reliability.phases import Phase
-from sim_bridge.reliability.reactions import CARRIES_ON, FAILS_SAFE, HOLDS, LANDS, Evidence, all_of, disturbance, says
+from sim_bridge.reliability.reactions import (
+    CARRIES_ON,
+    FAILS_SAFE,
+    GOES_HOME,
+    HOLDS,
+    Evidence,
+    all_of,
+    disturbance,
+    says,
+)
 from sim_bridge.reliability.report import BEGIN, END, markdown, write_into
 from sim_bridge.reliability.run import batches, moments
 from sim_bridge.reliability.verdict import Outcome, judge
@@ -112,7 +121,7 @@ def test_reactions_are_timed_from_the_fault_by_the_last_victim():
     assert all_of(says("high"), FAILS_SAFE).seen(one) is None
 
 
-@pytest.mark.parametrize(("reaction", "state"), [(HOLDS, FlightState.HOLD), (LANDS, FlightState.RETURN)])
+@pytest.mark.parametrize(("reaction", "state"), [(HOLDS, FlightState.HOLD), (GOES_HOME, FlightState.RETURN)])
 def test_a_state_is_a_reaction_from_when_it_is_taken_on(reaction, state):
     states = [(9.0, state), (11.0, FlightState.TRACK), (12.0, state), (13.0, state)]
     record = Record(samples=[sample(time_s, taken) for time_s, taken in states])

@@ -77,7 +77,7 @@ def test_a_vehicle_that_stands_ready_passes_everything(config: str) -> None:
     ("what", "name", "outcome", "told"),
     [
         (fault(Component.AUTOPILOT_LINK, FaultType.OFF), "link", Outcome.FAIL, "no heartbeat"),
-        (fault(Component.AUTOPILOT_LINK, FaultType.INTERMITTENT, loss=0.5), "rate of ATTITUDE", Outcome.WARN, "Hz"),
+        (fault(Component.AUTOPILOT_LINK, FaultType.INTERMITTENT, loss=0.35), "rate of ATTITUDE", Outcome.WARN, "Hz"),
         (fault(Component.AUTOPILOT_LINK, FaultType.INTERMITTENT, loss=0.9), "rate of ATTITUDE", Outcome.FAIL, "Hz"),
         (fault(Component.AUTOPILOT_LINK, FaultType.DELAYED, delay_s=0.1), "TIMESYNC", Outcome.WARN, "round trip 2"),
         (fault(Component.AUTOPILOT_LINK, FaultType.DELAYED, jitter_s=0.08), "TIMESYNC", Outcome.WARN, "steady"),
