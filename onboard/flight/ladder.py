@@ -180,7 +180,7 @@ RULES: Mapping[Condition, Rule] = MappingProxyType(
         ),
         _C.POSITION_UNAIDED: _rule(
             _S.CRITICAL,
-            "ESTIMATOR_STATUS without POS_HORIZ_REL and POS_HORIZ_ABS, or SYS_STATUS with an unhealthy vision position",
+            "ESTIMATOR_STATUS without PRED_POS_HORIZ_REL, or SYS_STATUS with an unhealthy vision position",
             Stage(_A.STOP, 0.0, "the autopilot has lost its position source; stopping"),
             Stage(_A.LAND, 2.3, "the autopilot's position source does not come back; landing here"),
             noticed_s=1.1,

@@ -15,7 +15,9 @@ __all__ = ["Telemetry"]
 
 _PREARM_BIT: int = mavlink.MAV_SYS_STATUS_PREARM_CHECK
 _VISION_BIT: int = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
-_AIDED_BITS: int = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS
+_AIDED_BIT: int = mavlink.ESTIMATOR_PRED_POS_HORIZ_REL
+"""PX4 sets it while something measures where it is (EKF2, isHorizontalAidingActive): it goes soon after the last pose,
+while POS_HORIZ_REL and _ABS stay for the five seconds that PX4 trusts its inertial sensors."""
 _POSITION_TIMEOUT_S = 0.5
 _REBOOT_MS = 1000
 """A boot time this much below the last one is another boot's; UDP reorders by less."""
@@ -97,7 +99,7 @@ class Telemetry:
                 )
                 self.battery_percent = message.battery_remaining if message.battery_remaining >= 0 else None
             case mavlink.MAVLink_estimator_status_message():
-                self._estimator_unaided = not message.flags & _AIDED_BITS
+                self._estimator_unaided = not message.flags & _AIDED_BIT
             case mavlink.MAVLink_extended_sys_state_message():
                 self._tells_landing = True
                 self.on_ground = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND

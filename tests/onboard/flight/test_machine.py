@@ -125,7 +125,7 @@ class Flight:
             self.say(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 12000, 0, charge, 0, 0, 0, 0, 0, 0))
             if not self.old:
                 self.say(mavlink.MAVLink_extended_sys_state_message(0, landed))
-                aids = mavlink.ESTIMATOR_ATTITUDE | (mavlink.ESTIMATOR_POS_HORIZ_REL if self.aided else 0)
+                aids = 0x3F | (mavlink.ESTIMATOR_PRED_POS_HORIZ_REL if self.aided else 0)  # as PX4 1.16, seconds long
                 self.say(mavlink.MAVLink_estimator_status_message(0, aids, *[0.1] * 8))
         tilt_m_s2 = self._move()
         told = [*self.position, *self.velocity] if self.frozen_at is None else [*self.frozen_at, 0.0, 0.0]
