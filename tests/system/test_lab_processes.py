@@ -200,8 +200,8 @@ def test_a_killed_onboard_process_harms_only_itself_and_ctrl_c_lands_the_others(
     code = team.finish(25.0)
     assert time.monotonic() - asked < 20.0
     assert code == 1, "the flight ends well but for the process that died"
-    for vehicle in (1, 3):
-        assert team.said(f"vehicle {vehicle}: LAND -> LANDED")
+    for vehicle in (1, 3):  # one may wait for vehicle 2, of which it knows nothing, until the station lands it directly
+        assert team.said(f"vehicle {vehicle}: Disarmed by landing")
     assert not any(is_alive(pid) for pid in children)
 
 
