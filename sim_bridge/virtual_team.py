@@ -17,6 +17,7 @@ from onboard.planning.planner import Planner
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.commands import Command
+from onboard.timer import Timer
 from sim_bridge.autopilot.links import GCS, ONBOARD
 from sim_bridge.autopilot.links import LinkName as AutopilotLinkName
 from sim_bridge.bridge import Bridge, Port, build_bridge
@@ -80,6 +81,7 @@ class VirtualTeam:
         }
         self.on_ground_message: Callable[[GroundMessage], None] = lambda _: None
         self._tick_s = 1.0 / scenario.flight.setpoint_rate_hz
+        self._ground_beats = Timer(1.0, start_s)
         self._ticks = 0
         self._autopilots = {vehicle.id: Codec(vehicle.id, AUTOPILOT_COMPONENT) for vehicle in scenario.vehicles}
         self._bridge_id = simulation.system_id
@@ -133,6 +135,8 @@ class VirtualTeam:
         self._ticks += 1
         self.time_s = self._start_s + self._ticks * self._tick_s
         self.bridge.advance(self.time_s)
+        if self._ground_beats.due(self.time_s):
+            self._ground_heartbeat()
         for port, vehicle_id, message in self.bridge.outbox():
             self._from_bridge(port, vehicle_id, message)
         for delivery in self.bridge.radio.deliveries(self.time_s):
@@ -140,6 +144,15 @@ class VirtualTeam:
         for vehicle_id, computer in self.computers.items():
             for link, frame in computer.step(self.time_s, self._tick_s):
                 self._from_computer(vehicle_id, link, frame)
+
+    def _ground_heartbeat(self) -> None:
+        """To every onboard computer, as the real ground station does."""
+        beat = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+        )
+        frame = self._ground.encode(beat)
+        for computer in self.computers.values():
+            computer.receive(LinkName.GROUND, frame, self.time_s)
 
     def _from_bridge(self, port: Port, vehicle_id: int, message: mavlink.MAVLink_message) -> None:
         match port:
