@@ -28,6 +28,10 @@ VISION_RATE_RAD_S = 5.0
 GPS_RATE_RAD_S = 1.0
 """Observer poles for GPS, whose position wanders."""
 
+BAROMETER_AFTER_S = 0.4
+BAROMETER_RATE_RAD_S = 1.0
+"""Without positions the barometer holds the height: less than that of motion capture, and it does not drift away."""
+
 _MAX_INTERVAL_S = 0.1
 _YAW_GAIN_PER_S = 4.0
 _VELOCITY_GAIN_PER_S = 8.0
@@ -73,6 +77,7 @@ class Estimator:
 
     Attributes:
         yaw_rad: Heading, rad.
+        barometer: Whether the barometer holds the height while no position arrives.
     """
 
     def __init__(
@@ -90,11 +95,13 @@ class Estimator:
         self._axes = (_Axis(0.0), _Axis(0.0), _Axis(0.0))
         self._north, self._east, self._down = self._axes
         self._fused_s = -math.inf
+        self._barometer_m = 0.0
         self._next_bias_s = -math.inf
         self._yaw_fused_s = -math.inf
         self._gyro_error = GYRO_ERROR_STD_RAD_S * float(rng.standard_normal())
         self._true_yaw_rad = vehicle.yaw_rad
         self.yaw_rad = vehicle.yaw_rad
+        self.barometer = True
         for axis, bias in zip(self._axes, rng.standard_normal(3).tolist(), strict=True):
             axis.bias = self._error_std * bias
 
@@ -165,6 +172,9 @@ class Estimator:
         self._north.predict(dt_s, vehicle.velocity_north_m_s)
         self._east.predict(dt_s, vehicle.velocity_east_m_s)
         self._down.predict(dt_s, vehicle.velocity_down_m_s)
+        if self.barometer and time_s - self._fused_s > BAROMETER_AFTER_S:
+            height_error = vehicle.down_m + self._barometer_m - self._down.position
+            self._down.correct(height_error, dt_s, BAROMETER_RATE_RAD_S)
 
     def correct_position(
         self,
@@ -201,6 +211,7 @@ class Estimator:
             if velocity is not None:
                 axis.velocity += min(_VELOCITY_GAIN_PER_S * step_s, 1.0) * (velocity[i] - axis.velocity)
         self._fused_s = time_s
+        self._barometer_m = self._down.position - self._vehicle.down_m
 
     def correct_yaw(self, time_s: float, yaw_rad: float, *, delay_s: float = 0.0) -> None:
         """Fuse a heading.

@@ -205,6 +205,7 @@ class Px4:
         """Advance PX4 and its vehicle by ``dt_s`` to ``time_s``."""
         platform, vehicle = self.platform, self.platform.vehicle
         platform.clock.advance(time_s)
+        platform.estimator.barometer = platform.parameters["EKF2_BARO_CTRL"] != 0
         platform.sense(time_s, dt_s)
         landed = self._land_detector.landed
         self.commander.step(time_s, self.health, landed=landed)

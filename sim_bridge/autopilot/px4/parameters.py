@@ -31,11 +31,14 @@ INDOOR_PARAMETERS: Mapping[str, int | float] = {
     "EKF2_EV_CTRL": 11,
     "EKF2_HGT_REF": 3,
     "EKF2_MAG_TYPE": 5,
-    "EKF2_BARO_CTRL": 0,
+    "EKF2_BARO_CTRL": 1,  # as configs/px4: else it does not come down when motion capture falls silent
     "EKF2_RNG_CTRL": 0,
     "EKF2_ACC_NOISE": 1.0,
 }
-"""Position, height and heading from motion capture alone; 15 for ``EKF2_EV_CTRL`` also fuses its velocity."""
+"""Position, height and heading from motion capture, the barometer for when it is silent.
+
+15 for ``EKF2_EV_CTRL`` also fuses its velocity.
+"""
 
 RHYTHM = ParameterRhythm(period_us=10_000, batch=10, reads_wait=False, index_in_answers=True)
 """Reads are answered at once; the list of 898 takes 0.9 s."""
