@@ -40,7 +40,7 @@ check: .venv/dev.stamp  ## lint, types, generated files up to date
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m onboard.protocol.generate --check
-	$(BIN)/python -m onboard.flight.ladder_page --check
+	$(BIN)/python -m onboard.flight.failsafes_page --check
 
 RUNS ?= 20000
 
@@ -53,7 +53,7 @@ format: .venv/dev.stamp  ## format the code and mend what ruff can mend
 
 generate: .venv/dev.stamp  ## write the generated files anew (MAVLink dialect, failsafes)
 	$(BIN)/python -m onboard.protocol.generate
-	$(BIN)/python -m onboard.flight.ladder_page
+	$(BIN)/python -m onboard.flight.failsafes_page
 
 lock: .venv/dev.stamp  ## pin anew, with hashes, what vehicles install (requirements/vehicle.lock)
 	$(BIN)/pip install --quiet --disable-pip-version-check uv

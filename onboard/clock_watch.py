@@ -15,7 +15,7 @@ import statistics
 from collections import deque
 from dataclasses import dataclass
 
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.protocol import dialect as mavlink
 from onboard.timer import Timer
 

@@ -20,7 +20,7 @@ from onboard.errors import OnboardError
 from onboard.estimation.measurement import Look
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.events import Event, Refusal
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.flight.machine import AIRBORNE, FlightMachine
 from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint

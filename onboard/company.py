@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.flight.machine import AIRBORNE
 from onboard.messages import PeerStatus
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from onboard.config.polygon import Point
 from onboard.config.schema import Scenario, VehicleConfig
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.flight.separation import Guard, Obstruction
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory, Reference

@@ -9,7 +9,7 @@ from onboard.agent import Agent
 from onboard.clock import MissionClock
 from onboard.config.schema import Scenario
 from onboard.epochs import EpochSchedule, Slot
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.flight.machine import FlightMachine
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose

@@ -16,7 +16,8 @@ from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.custody import Holder
 from onboard.flight.events import Event, Refusal
-from onboard.flight.ladder import Action, Condition, Ladder
+from onboard.flight.failsafes import Action, Condition
+from onboard.flight.ladder import Ladder
 from onboard.flight.launch import Launch
 from onboard.flight.reactions import following
 from onboard.flight.setpoints import HeightReference, Setpoint, SetpointTracker

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from onboard.flight.ladder import Action
+from onboard.flight.failsafes import Action
 from onboard.messages import FlightState
 
 __all__ = ["following"]

@@ -7,7 +7,7 @@ import math
 from onboard.config.schema import FlightConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.custody import Custody, Holder
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.flight.launch import HEARTBEAT_LAG_S
 
 __all__ = ["FLIGHT", "FlightWatch"]

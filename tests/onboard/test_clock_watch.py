@@ -3,7 +3,7 @@
 import pytest
 
 from onboard.clock_watch import ClockWatch
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 

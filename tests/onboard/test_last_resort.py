@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from onboard.config import load_scenario
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose

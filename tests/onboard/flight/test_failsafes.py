@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from onboard.flight.ladder import RULES, Action, Condition
+from onboard.flight.failsafes import RULES, Action, Condition
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.ardupilot_modes import CopterMode

@@ -3,8 +3,9 @@
 import pytest
 
 from onboard.flight.events import Event
-from onboard.flight.ladder import RULES, Action, Condition, Ladder, Severity
-from onboard.flight.ladder_page import PAGE, page
+from onboard.flight.failsafes import RULES, Action, Condition, Severity
+from onboard.flight.failsafes_page import PAGE, page
+from onboard.flight.ladder import Ladder
 from onboard.flight.reactions import following
 from onboard.messages import FlightState
 

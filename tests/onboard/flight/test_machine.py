@@ -8,7 +8,7 @@ import pytest
 
 from onboard.config.schema import FlightConfig, VehicleConfig
 from onboard.flight.autopilot import BEHAVIOURS, AutopilotLink
-from onboard.flight.ladder import Condition
+from onboard.flight.failsafes import Condition
 from onboard.flight.machine import AT_HOME_M, OVER_HOME_M, SLOW_M_S, FlightMachine
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose

@@ -1,6 +1,6 @@
 """Write the failsafe ladder's table into ``docs/failsafes.md``, or check that it is up to date.
 
-Run ``python -m onboard.flight.ladder_page [--check]`` (``make generate``, ``make check``).
+Run ``python -m onboard.flight.failsafes_page [--check]`` (``make generate``, ``make check``).
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from onboard.flight.ladder import RULES, Action, Condition, Rule, Stage
+from onboard.flight.failsafes import RULES, Action, Condition, Rule, Stage
 
 __all__ = ["PAGE", "main", "page", "table"]
 
 PAGE = Path(__file__).parents[2] / "docs" / "failsafes.md"
-BEGIN = "<!-- generated from onboard/flight/ladder.py: begin -->"
-END = "<!-- generated from onboard/flight/ladder.py: end -->"
+BEGIN = "<!-- generated from onboard/flight/failsafes.py: begin -->"
+END = "<!-- generated from onboard/flight/failsafes.py: end -->"
 
 _DOES = {
     Action.TELL: "flies on",
