@@ -12,7 +12,7 @@ from collections import deque
 
 from gcs.checks import Check, Outcome
 from onboard.config import Scenario
-from onboard.config.schema import VehicleConfig
+from onboard.config.vehicle import VehicleConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.requirements import Needs
 from onboard.flight.streams import MIN_SHARE

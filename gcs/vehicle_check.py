@@ -10,7 +10,7 @@ from gcs.autopilot_checks import AutopilotWatch
 from gcs.checks import Check, is_go
 from onboard.companion import COMPONENT
 from onboard.config import Scenario
-from onboard.config.schema import VehicleConfig
+from onboard.config.vehicle import VehicleConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.preflight import Finding, Verdict
 from onboard.protocol import dialect as mavlink

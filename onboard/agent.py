@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.clock import MissionClock
-from onboard.config.schema import Scenario, VehicleConfig
+from onboard.config.schema import Scenario
+from onboard.config.vehicle import VehicleConfig
 from onboard.estimation.distributed_filter import DistributedFilter
 from onboard.estimation.measurement import Look
 from onboard.estimation.target_models import TargetModel, TargetMotion

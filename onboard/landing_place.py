@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from onboard.config.polygon import Point, contains, nearest_on_segment
-from onboard.config.schema import Scenario, VehicleConfig
+from onboard.config.schema import Scenario
+from onboard.config.vehicle import VehicleConfig
 from onboard.messages import FlightState, PeerStatus
 from onboard.strays import Stray
 

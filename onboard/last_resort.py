@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 from onboard.config.polygon import Point
-from onboard.config.schema import Scenario, VehicleConfig
+from onboard.config.schema import Scenario
+from onboard.config.vehicle import VehicleConfig
 from onboard.flight.failsafes import Condition
 from onboard.flight.separation import Guard, Obstruction
 from onboard.flight.setpoints import Setpoint

@@ -11,7 +11,8 @@ import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from onboard.config.schema import FlightConfig, VehicleConfig
+from onboard.config.flight import FlightConfig
+from onboard.config.vehicle import VehicleConfig
 from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.custody import Holder

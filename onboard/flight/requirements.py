@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
-from onboard.config.schema import Scenario, VehicleConfig
+from onboard.config.schema import Scenario
+from onboard.config.vehicle import VehicleConfig
 
 __all__ = ["Bits", "Needs", "OneOf", "Requirement", "Severity", "Wanted", "Within"]
 

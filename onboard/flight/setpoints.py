@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from onboard.config.schema import FlightConfig
+from onboard.config.flight import FlightConfig
 from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.flight.trajectory import Reference, Trajectory
 from onboard.flight.yaw import YawShaper

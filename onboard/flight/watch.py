@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from onboard.config.schema import FlightConfig
+from onboard.config.flight import FlightConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.custody import Custody, Holder
 from onboard.flight.failsafes import Condition

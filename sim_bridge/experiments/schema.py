@@ -8,19 +8,13 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import Field, model_validator
 
 from onboard.config.base import Positive, Section
+from onboard.config.flight import FlightConfig
+from onboard.config.mission import MissionConfig
+from onboard.config.models import EstimationConfig, ExplorationConfig, PlannerConfig, SensorConfig, TargetsConfig
 from onboard.config.patterns import ScenarioName
-from onboard.config.schema import (
-    EstimationConfig,
-    ExplorationConfig,
-    FlightConfig,
-    MissionConfig,
-    PlannerConfig,
-    Scenario,
-    SensorConfig,
-    TargetsConfig,
-    VehicleConfig,
-)
+from onboard.config.schema import Scenario
 from onboard.config.simulation import SimulationConfig
+from onboard.config.vehicle import VehicleConfig
 from sim_bridge.lockstep.config import WorldConfig
 
 __all__ = ["METRICS", "ArmConfig", "ComparisonConfig", "ExperimentFile", "Metric", "Setting", "TeamConfig"]

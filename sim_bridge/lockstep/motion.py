@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from onboard.config.schema import FlightConfig
+from onboard.config.flight import FlightConfig
 from onboard.config.simulation import VehicleDynamicsConfig
 from onboard.flight.setpoints import HeightReference, Response, SetpointTracker
 from onboard.flight.trajectory import HOVER, Hold, PlanTrajectory, Trajectory

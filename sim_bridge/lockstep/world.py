@@ -10,7 +10,8 @@ import numpy as np
 
 from onboard.agent import Agent, StepOutput
 from onboard.clock import MissionClock
-from onboard.config.schema import Scenario, VehicleConfig
+from onboard.config.schema import Scenario
+from onboard.config.vehicle import VehicleConfig
 from onboard.estimation.measurement import Look
 from onboard.estimation.target_models import TargetMotion
 from onboard.geometry import Pose, wrap_angle

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.config import Scenario, load_scenario
 from onboard.config.faults import Component, FaultConfig, FaultType
-from onboard.config.schema import PlannerConfig
+from onboard.config.models import PlannerConfig
 from onboard.planning.baselines.arvi import Arvi, Greedy
 from onboard.planning.pluggable import PlannerError
 from onboard.process import _Process, clock_of

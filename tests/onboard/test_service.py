@@ -12,7 +12,9 @@ import pytest
 
 from onboard.companion import LinkName
 from onboard.config import load_scenario
-from onboard.config.schema import LinksConfig, PlannerConfig, Scenario
+from onboard.config.models import PlannerConfig
+from onboard.config.schema import Scenario
+from onboard.config.vehicle import LinksConfig
 from onboard.process import _Process
 from onboard.service import NotifySocket, ServiceReport
 

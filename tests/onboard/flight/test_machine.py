@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from onboard.config.schema import FlightConfig, VehicleConfig
+from onboard.config.flight import FlightConfig
+from onboard.config.vehicle import VehicleConfig
 from onboard.flight.autopilot import BEHAVIOURS, AutopilotLink
 from onboard.flight.failsafes import Condition
 from onboard.flight.machine import AT_HOME_M, OVER_HOME_M, SLOW_M_S, FlightMachine

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from onboard.config.schema import FlightConfig
+from onboard.config.flight import FlightConfig
 from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.flight.autopilot import BEHAVIOURS
 from onboard.flight.setpoints import HeightReference, Response, Setpoint, SetpointTracker

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from onboard.config import load_scenario
+from onboard.config.models import PlannerConfig
 from onboard.config.polygon import contains
-from onboard.config.schema import PlannerConfig, Scenario
+from onboard.config.schema import Scenario
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.estimation.target_models import TargetModel, TargetMotion
 from onboard.geometry import Pose
