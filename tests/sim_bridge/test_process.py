@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from pathlib import Path
 
 import pytest
 import yaml
@@ -19,27 +18,14 @@ from sim_bridge.__main__ import main
 from sim_bridge.bridge import Outgoing, Port, build_bridge
 from sim_bridge.ports import find_ports
 from sim_bridge.process import BridgeProcess, run_bridge
+from tests.shifted_lab import LAB, SHIFT, shifted_lab
 
-LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
 NOON = 1_790_000_000.0
-SHIFT = 20_000
-"""This test's ports lie this far above the usual ones, so that it may run beside a simulation."""
 
 
-def shifted_lab(folder):
-    """The lab scenario on other ports."""
-    data = yaml.safe_load(LAB.read_text(encoding="utf-8"))
-    for vehicle in data["vehicles"]:
-        n = vehicle["id"] - 1 + SHIFT
-        vehicle["links"] = {
-            "autopilot": f"udpin:127.0.0.1:{14540 + n}",
-            "peers": f"udpout:127.0.0.1:{14640 + n}",
-            "sensor": f"udpin:127.0.0.1:{14740 + n}",
-            "ground": f"udpout:127.0.0.1:{14550 + SHIFT}",
-        }
-    data["ground"] = {"url": f"udpin:127.0.0.1:{14550 + SHIFT}"}
+def lab_on_own_ports(folder):
     path = folder / "lab.yaml"
-    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    path.write_text(yaml.safe_dump(shifted_lab()), encoding="utf-8")
     return path
 
 
@@ -79,7 +65,7 @@ def types(messages):
 @pytest.mark.system
 @pytest.mark.parametrize("allowed", [True, False])
 def test_faults_are_injected_by_the_ground_stations_command_where_the_scenario_allows_it(tmp_path, allowed):
-    path = shifted_lab(tmp_path)
+    path = lab_on_own_ports(tmp_path)
     data = yaml.safe_load(path.read_text(encoding="utf-8"))
     data["simulation"]["allow_live_faults"] = allowed
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
@@ -112,7 +98,7 @@ def test_faults_are_injected_by_the_ground_stations_command_where_the_scenario_a
 def test_it_speaks_on_every_port_and_ends_cleanly(tmp_path, number):
     socks = {n: listener(14540 + n - 1) for n in (1, 2, 3)} | {"ground": listener(14550)}
     peers = {n: socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for n in (1, 2, 3)}
-    process = start(shifted_lab(tmp_path))
+    process = start(lab_on_own_ports(tmp_path))
     try:
         heard = collect(
             socks,
@@ -176,7 +162,7 @@ def drain(sock):
 
 @pytest.mark.system
 def test_a_second_copy_names_the_port_and_leaves_the_first_alone(tmp_path):
-    path = shifted_lab(tmp_path)
+    path = lab_on_own_ports(tmp_path)
     sock = listener(14540)
     first = start(path)
     try:
@@ -198,7 +184,7 @@ def test_a_second_copy_names_the_port_and_leaves_the_first_alone(tmp_path):
 
 
 async def test_a_value_that_does_not_fit_its_field_stops_nobody_else(tmp_path, caplog):
-    scenario = load_scenario(shifted_lab(tmp_path))
+    scenario = load_scenario(lab_on_own_ports(tmp_path))
     bridge = build_bridge(scenario, None, NOON)
     overflow = mavlink.MAVLink_system_time_message(2**64, 0)
     clock = iter([NOON + 0.001 * k for k in range(1000)])
@@ -231,7 +217,7 @@ def test_a_failure_in_the_simulation_ends_the_process_with_its_cause(tmp_path, m
         raise ZeroDivisionError("the physics broke")
 
     monkeypatch.setattr("sim_bridge.bridge.Bridge.advance", fail)
-    assert run_bridge(load_scenario(shifted_lab(tmp_path))) == 1
+    assert run_bridge(load_scenario(lab_on_own_ports(tmp_path))) == 1
     assert "the physics broke" in caplog.text
     # The sockets are free again.
     listener(14580).close()
@@ -246,6 +232,6 @@ def test_a_broken_configuration_is_said_and_exits_2(tmp_path, capsys):
 
 def test_a_negative_seed_is_refused(tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
-        main([str(shifted_lab(tmp_path)), "--seed", "-1"])
+        main([str(lab_on_own_ports(tmp_path)), "--seed", "-1"])
     assert stop.value.code == 2
     assert "a seed is not negative" in capsys.readouterr().err

@@ -8,24 +8,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-pytestmark = pytest.mark.system
+from tests.shifted_lab import SHIFT, shifted_lab
 
-LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
-SHIFT = 21_000
-"""The ports of this test lie so far above the usual ones."""
+pytestmark = pytest.mark.system
 
 
 def scenario(folder, firmware):
-    data = yaml.safe_load(LAB.read_text(encoding="utf-8"))
-    for vehicle in data["vehicles"]:
-        n = vehicle["id"] - 1 + SHIFT
-        vehicle["links"] = {
-            "autopilot": f"udpin:127.0.0.1:{14540 + n}",
-            "peers": f"udpout:127.0.0.1:{14640 + n}",
-            "sensor": f"udpin:127.0.0.1:{14740 + n}",
-            "ground": f"udpout:127.0.0.1:{14550 + SHIFT}",
-        }
-    data["ground"] = {"url": f"udpin:127.0.0.1:{14550 + SHIFT}"}
+    data = shifted_lab()
     link = f"udpin:127.0.0.1:{14840 + SHIFT}"
     data["vehicles"][0] |= {"autopilot": firmware, "external": {"link": link}}
     path = folder / "external.yaml"
