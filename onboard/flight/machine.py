@@ -18,17 +18,18 @@ from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.custody import Holder
 from onboard.flight.events import Event, Refusal
 from onboard.flight.failsafes import Action, Condition
+from onboard.flight.homing import OVER_HOME_M, Homing
 from onboard.flight.ladder import Ladder
 from onboard.flight.launch import Launch
 from onboard.flight.reactions import following
 from onboard.flight.setpoints import HeightReference, Setpoint, SetpointTracker
-from onboard.flight.trajectory import Followed, Hold, Trajectory, Transfer
+from onboard.flight.trajectory import Followed, Hold, Trajectory
 from onboard.flight.watch import FLIGHT, FlightWatch
 from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["AIRBORNE", "AT_HOME_M", "OVER_HOME_M", "SLOW_M_S", "FlightMachine"]
+__all__ = ["AIRBORNE", "FlightMachine"]
 
 STREAM_BEFORE_LAUNCH_S = 0.5
 COMMAND_RETRY_S = 1.0
@@ -41,16 +42,6 @@ NEAR_LAYER_PATIENCE_S = 2.0
 """Who takes off by its own idea of the height may stop a little off ours; the stream does the rest."""
 STOPS_S = 0.4
 """How long a vehicle flies on with its velocity, in effect, when it stops."""
-OVER_HOME_M = 0.3
-AT_HOME_M = 0.08
-SLOW_M_S = 0.15
-PASSING_M_S = 0.5
-SETTLING_S = 2.0
-"""Landing begins at home and slow: an autopilot's landing mode keeps the velocity that it takes over for a while.
-
-Who is kept off a little (by wind) for longer lands over home when it is slow. Who passes at more than ``PASSING_M_S``
-is not over home yet.
-"""
 
 _FLOWN = (FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
 _COMMANDED = (FlightState.TAKEOFF, *_FLOWN)
@@ -91,7 +82,6 @@ class FlightMachine:
         self._flown_until_s = math.inf
         self._since_s = -math.inf
         self._command_s = -math.inf
-        self._return_by_s = self._arrived_s = math.inf
         self._launch = Launch((), 0.0)
         self.ladder = Ladder()
         self._watch = FlightWatch(link, config)
@@ -101,7 +91,7 @@ class FlightMachine:
         self._height = HeightReference(0.0)
         self._near_layer_s = math.inf
         self._last_tick_s = -math.inf
-        self._home = vehicle.home_pose
+        self._homing = Homing(config, link, vehicle.home_pose)
         self._paused = False
         self._land_taken = self._land_shown = False
         self._lack = ("", -math.inf)
@@ -150,10 +140,10 @@ class FlightMachine:
 
     def land_at(self, north_m: float, east_m: float, time_s: float) -> None:
         """On the way home: land there instead, since somebody may lie at home."""
-        away_m = math.dist((north_m, east_m), (self._home.north_m, self._home.east_m))
-        self._home = Pose(north_m, east_m, self._home.yaw_rad)
+        home = Pose(north_m, east_m, self.home.yaw_rad)
+        away_m, self._homing.home = home.distance_m(self.home), home
         self._say(mavlink.MAV_SEVERITY_WARNING, f"home may be taken by a teammate; landing {away_m:.1f} m from it")
-        self._go_home(time_s, self._link.pose() or self._now(time_s))
+        self.trajectory = self._homing.set_out(time_s, self._link.pose() or self._now(time_s))
 
     def rejoin(self, time_s: float) -> bool:
         """Take up a vehicle that this stack flew before it was started anew; whether that is possible now.
@@ -167,7 +157,7 @@ class FlightMachine:
         ours = heard.mode == link.behaviour.guided_mode or (heard.failsafe and link.behaviour.returns_from_failsafe)
         if not (idle and flies and ours):
             return False
-        self._home = self._vehicle.home_pose
+        self._homing.home = self._vehicle.home_pose
         self.trajectory = None
         self._next = None
         self._paused = False
@@ -201,7 +191,7 @@ class FlightMachine:
     @property
     def home(self) -> Pose:
         """Where it will land, mission frame."""
-        return self._home
+        return self._homing.home
 
     @property
     def wants_plans(self) -> bool:
@@ -218,8 +208,7 @@ class FlightMachine:
         """Above home at the layer, or on the ground: out of the way of those who descend."""
         if self.state not in AIRBORNE or self.state is FlightState.LAND:
             return True
-        near = self._distance_home_m() < OVER_HOME_M and self._speed_m_s < PASSING_M_S
-        return self.state is FlightState.RETURN and near
+        return self.state is FlightState.RETURN and self._homing.is_over
 
     def adrift(self, time_s: float) -> bool:
         """Whether the vehicle is in the air and not where this process flies it, as far as it knows."""
@@ -245,7 +234,7 @@ class FlightMachine:
             return self._next[1].reference(time_s).pose
         if self.trajectory is not None:
             return self.trajectory.reference(time_s).pose
-        return self._link.pose() or self._home
+        return self._link.pose() or self.home
 
     @property
     def measured_pose(self) -> Pose | None:
@@ -328,7 +317,7 @@ class FlightMachine:
             self._start_stream(previous)
         elif state is FlightState.RETURN:
             self._next = None
-            self._go_home(time_s, self._stopped(time_s))
+            self.trajectory = self._homing.set_out(time_s, self._stopped(time_s))
             self._start_stream(previous)
         elif state is FlightState.LAND:
             self._land_taken = previous is FlightState.ARM
@@ -336,18 +325,12 @@ class FlightMachine:
 
     def _stopped(self, time_s: float) -> Pose:
         """Where the vehicle is at rest when it stops now: it has a way to go, and another one would be behind it."""
-        now = self.trajectory.reference(time_s) if self.trajectory is not None else Hold(self._home).reference(time_s)
+        now = self.trajectory.reference(time_s) if self.trajectory is not None else Hold(self.home).reference(time_s)
         return Pose(
             now.pose.north_m + STOPS_S * now.velocity_north_m_s,
             now.pose.east_m + STOPS_S * now.velocity_east_m_s,
             now.pose.yaw_rad,
         )
-
-    def _go_home(self, time_s: float, start: Pose) -> None:
-        way = Transfer(time_s, start, self._home.north_m, self._home.east_m, self._config.return_speed_m_s)
-        self.trajectory = way
-        self._return_by_s = way.end_s + self._config.return_patience_s
-        self._arrived_s = math.inf
 
     def _start_stream(self, previous: FlightState) -> None:
         """Where the autopilot took off by itself, its height is not ours yet."""
@@ -357,11 +340,11 @@ class FlightMachine:
     def _begin_flight(self, time_s: float) -> None:
         """Home is where the vehicle stands when it arms."""
         self._link.stand_on_ground()
-        measured = self._link.pose() or self._home
+        measured = self._link.pose() or self.home
         stray = measured.distance_m(self._vehicle.home_pose)
         if stray > OVER_HOME_M:
             self._say(mavlink.MAV_SEVERITY_WARNING, f"stands {stray:.1f} m from its configured home; will land here")
-        self._home = measured
+        self._homing.home = measured
         self.trajectory = Hold(measured)
         self._next = None
         self._paused = False
@@ -374,7 +357,7 @@ class FlightMachine:
         self._launch = Launch(behaviour.launch(self._vehicle.layer_m + self._height.down_m), begin_s)
 
     def _now(self, time_s: float) -> Pose:
-        return self.trajectory.reference(time_s).pose if self.trajectory is not None else self._home
+        return self.trajectory.reference(time_s).pose if self.trajectory is not None else self.home
 
     def _move_height(self, elapsed_s: float) -> None:
         if self.state in (FlightState.ARM, FlightState.LAND) or elapsed_s <= 0.0:
@@ -421,14 +404,10 @@ class FlightMachine:
         return FlightState.TRACK
 
     def _return(self, time_s: float, may_descend: bool) -> FlightState:
-        distance_m = self._distance_home_m()
-        arrived = distance_m < OVER_HOME_M and self._off_layer_m() < NEAR_LAYER_M
-        self._arrived_s = min(self._arrived_s, time_s) if arrived else math.inf
-        settled = distance_m < AT_HOME_M or time_s - self._arrived_s > SETTLING_S
-        if arrived and may_descend and settled and self._speed_m_s < SLOW_M_S:
+        if self._homing.lands(time_s, at_layer=self._off_layer_m() < NEAR_LAYER_M, may_descend=may_descend):
             return FlightState.LAND
-        if time_s >= self._return_by_s:
-            why = "teammates may fly below" if arrived and not may_descend else f"{distance_m:.1f} m from home"
+        if time_s >= self._homing.by_s:
+            why = self._homing.hindrance(may_descend=may_descend)
             self._say(mavlink.MAV_SEVERITY_WARNING, f"{why}; landing all the same")
             return FlightState.LAND
         return FlightState.RETURN
@@ -514,7 +493,7 @@ class FlightMachine:
         """Where to hover: where the trajectory is, unless it is not to be relied on."""
         if self._held or self.trajectory is None:
             self._next, self._flown_until_s = None, math.inf
-            return self._link.pose() or self._home
+            return self._link.pose() or self.home
         return self._now(time_s)
 
     def _switch(self) -> None:
@@ -523,20 +502,12 @@ class FlightMachine:
             self._next = None
 
     @property
-    def _speed_m_s(self) -> float:
-        return math.hypot(*self._link.velocity)
-
-    @property
     def _measured_down_m(self) -> float:
         position = self._link.position
         return 0.0 if position is None else position[2]
 
     def _off_layer_m(self) -> float:
         return abs(self._measured_down_m + self._vehicle.layer_m)
-
-    def _distance_home_m(self) -> float:
-        measured = self._link.pose()
-        return math.inf if measured is None else measured.distance_m(self._home)
 
     def _say(self, severity: int, text: str) -> None:
         self._events.append(Event(severity, text))

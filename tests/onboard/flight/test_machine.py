@@ -10,7 +10,8 @@ from onboard.config.flight import FlightConfig
 from onboard.config.vehicle import VehicleConfig
 from onboard.flight.autopilot import BEHAVIOURS, AutopilotLink
 from onboard.flight.failsafes import Condition
-from onboard.flight.machine import AT_HOME_M, OVER_HOME_M, SLOW_M_S, FlightMachine
+from onboard.flight.homing import AT_HOME_M, OVER_HOME_M, SLOW_M_S
+from onboard.flight.machine import FlightMachine
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.messages import FlightState
