@@ -299,7 +299,11 @@ class Companion:
         pose, position = self.autopilot.pose(), self.autopilot.position
         if pose is not None and position is not None:
             self._known = Known(position, pose.yaw_rad, self.autopilot.velocity)
-        setpoint = self.machine.tick(time_s, may_descend=self._may_descend(time_s), reported=self._worries(time_s))
+        may_descend = True
+        if self.agent is not None and self.machine.state is FlightState.RETURN:
+            self._choose_landing_place(self.agent, time_s)
+            may_descend = self._may_descend(self.agent, time_s)
+        setpoint = self.machine.tick(time_s, may_descend=may_descend, reported=self._worries(time_s))
         if setpoint is None:
             self._last_setpoint_s = None
         else:
@@ -321,16 +325,19 @@ class Companion:
             self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
 
-    def _may_descend(self, time_s: float) -> bool:
-        """Whether nobody is in the way down; on the way home, another place is looked for where somebody lies there."""
-        if self.agent is None or self.machine.state is not FlightState.RETURN:
-            return True
-        home = (self.machine.home.north_m, self.machine.home.east_m)
-        place = self._landing_place.instead_of(home, self.agent.team.last_heard, self._last_resort.lying)
+    def _choose_landing_place(self, agent: Agent, time_s: float) -> None:
+        """On the way home: another place where a teammate may lie there."""
+        place = self._landing_place.instead_of(self._home, agent.team.last_heard, self._last_resort.lying)
         if place is not None:
             self.machine.land_at(*place, time_s)
-            return False
-        return self._last_resort.may_descend(home) and self.agent.team.may_descend(time_s)
+
+    def _may_descend(self, agent: Agent, time_s: float) -> bool:
+        """Whether nobody is in the way down."""
+        return self._last_resort.may_descend(self._home) and agent.team.may_descend(time_s)
+
+    @property
+    def _home(self) -> tuple[float, float]:
+        return self.machine.home.north_m, self.machine.home.east_m
 
     def _worries(self, time_s: float) -> dict[Condition, str]:
         """What gives reason to worry, but for the autopilot."""
