@@ -14,7 +14,7 @@ from enum import StrEnum
 from onboard.agent import Agent
 from onboard.clock import MissionClock
 from onboard.clock_watch import LARGE_S, ClockWatch
-from onboard.company import Company
+from onboard.company import PEER_SILENCE_S, silences
 from onboard.config.schema import Scenario
 from onboard.errors import OnboardError
 from onboard.estimation.measurement import Look
@@ -25,6 +25,7 @@ from onboard.flight.machine import AIRBORNE, FlightMachine
 from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory
+from onboard.hearing import Hearing
 from onboard.landing_place import LandingPlace
 from onboard.last_resort import LastResort
 from onboard.messages import FlightState, PeerStatus
@@ -112,12 +113,12 @@ class Companion:
         self._clock: MissionClock | None = None
         self._desk: PlanningDesk | None = None
         self._clocks = ClockWatch(vehicle_id, boot_s)
-        self._company = Company()
+        self._hearing = Hearing()
         self._signing = signing
         self._codecs = {name: Codec(vehicle_id, COMPONENT, self._signing_of(name)) for name in LinkName}
         self._limits = {name: RateLimit(MAX_RATES_HZ[name]) for name in LinkName}
         self._refusals = RefusalNotice()
-        self._last_resort = LastResort(scenario, self.vehicle)
+        self._last_resort = LastResort(scenario, self.vehicle, self._hearing)
         self._landing_place = LandingPlace(scenario, self.vehicle)
         self._checksum = primitives_checksum(scenario.primitive_set)
         self._counts = Counts()
@@ -180,15 +181,13 @@ class Companion:
             if isinstance(message, mavlink.MAVLink_planner_status_message):
                 self._rejoin(self._status_of_now(message, time_s), time_s)
             return
-        self._last_resort.alive(message.get_srcSystem(), time_s)
+        self._hearing.receive(message.get_srcSystem(), time_s)
         match message:
             case mavlink.MAVLink_planner_status_message():
                 status = self._status_of_now(message, time_s)
-                pose = self.machine.measured_pose
-                self._company.heard(status, None if pose is None else (pose.north_m, pose.east_m), time_s)
                 self.agent.receive_status(status, time_s)
                 down_m = 0.0 if self._known is None else self._known.position[2]
-                self._last_resort.receive_status(status, self.autopilot.poses.at(status.time_s), down_m, time_s)
+                self._hearing.receive_status(status, self.autopilot.poses.at(status.time_s), down_m, time_s)
             case mavlink.MAVLink_target_belief_message():
                 self.agent.receive_belief(read_belief(message, self._clock))
             case mavlink.MAVLink_arvi_plan_message():
@@ -230,7 +229,7 @@ class Companion:
         if message.get_srcSystem() != self._scenario.ground.system_id:
             return
         if isinstance(message, mavlink.MAVLink_heartbeat_message):
-            self._company.heard_ground(time_s)
+            self._hearing.receive_ground(time_s)
         if not isinstance(message, (mavlink.MAVLink_command_long_message, mavlink.MAVLink_command_int_message)):
             return
         if message.target_system != self.vehicle.id or message.target_component not in (COMPONENT, BROADCAST):
@@ -301,7 +300,7 @@ class Companion:
             self._known = Known(position, pose.yaw_rad, self.autopilot.velocity)
         may_descend = True
         if self.agent is not None and self.machine.state is FlightState.RETURN:
-            self._choose_landing_place(self.agent, time_s)
+            self._choose_landing_place(time_s)
             may_descend = self._may_descend(self.agent, time_s)
         setpoint = self.machine.tick(time_s, may_descend=may_descend, reported=self._worries(time_s))
         if setpoint is None:
@@ -312,7 +311,7 @@ class Companion:
         for message in self.autopilot.poll(time_s):
             self._send(LinkName.AUTOPILOT, message)
         self._step(time_s)
-        question = self._clocks.request(len(self._company.around(time_s)), time_s)
+        question = self._clocks.request(len(self._hearing.within(PEER_SILENCE_S, time_s)), time_s)
         if question is not None:
             self._send(LinkName.AUTOPILOT, question)
             self._send(LinkName.PEERS, question)
@@ -325,9 +324,9 @@ class Companion:
             self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
 
-    def _choose_landing_place(self, agent: Agent, time_s: float) -> None:
+    def _choose_landing_place(self, time_s: float) -> None:
         """On the way home: another place where a teammate may lie there."""
-        place = self._landing_place.instead_of(self._home, agent.team.last_heard, self._last_resort.lying)
+        place = self._landing_place.instead_of(self._home, self._hearing.statuses, self._last_resort.lying)
         if place is not None:
             self.machine.land_at(*place, time_s)
 
@@ -341,7 +340,8 @@ class Companion:
 
     def _worries(self, time_s: float) -> dict[Condition, str]:
         """What gives reason to worry, but for the autopilot."""
-        worries = self._clocks.seen(time_s) | self._company.seen(time_s, flown=self.machine.state in AIRBORNE)
+        flown = self.machine.state in AIRBORNE and self.machine.state is not FlightState.LAND
+        worries = self._clocks.seen(time_s) | silences(self._hearing, time_s, flown=flown)
         if self._desk is not None and self.machine.state in (FlightState.HOLD, FlightState.TRACK):
             worries |= self._desk.seen(time_s)
         if self.machine.state in AIRBORNE:
@@ -354,7 +354,7 @@ class Companion:
         known = position is not None and self.autopilot.has_position(time_s) and not self.machine.blind
         if self.agent is None or position is None or not known:
             return setpoint
-        return self._last_resort.filter(setpoint, time_s, pose, position[2], self.agent.team.last_heard)
+        return self._last_resort.filter(setpoint, time_s, pose, position[2])
 
     def outbox(self) -> list[tuple[LinkName, bytes]]:
         """Frames to send, in order, with their links."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from onboard.config.polygon import Point
 from onboard.config.schema import Scenario
@@ -13,6 +12,7 @@ from onboard.flight.separation import Guard, Obstruction
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory, Reference
 from onboard.geometry import Pose
+from onboard.hearing import Hearing
 from onboard.messages import FlightState, PeerStatus
 from onboard.strays import Place, Stray, Strays
 
@@ -35,6 +35,7 @@ class LastResort:
     Args:
         scenario: Separations, layers, speeds, fence.
         vehicle: This robot.
+        hearing: What was heard of the others.
 
     Attributes:
         near: Whether a teammate is so near that it should hear more often where this robot is.
@@ -42,7 +43,7 @@ class LastResort:
         dangers: What the setpoint was bent for last, with details in words (none).
     """
 
-    def __init__(self, scenario: Scenario, vehicle: VehicleConfig) -> None:
+    def __init__(self, scenario: Scenario, vehicle: VehicleConfig, hearing: Hearing) -> None:
         config = scenario.flight.guard
         self._enabled = config.enabled
         self._guard = Guard(config, scenario.mission.fence)
@@ -53,28 +54,19 @@ class LastResort:
         self._speed_m_s = max(primitive.speed_m_s for primitive in scenario.primitive_set)
         self.near = False
         self.strays: list[Stray] = []
-        self._strays = Strays(scenario)
+        self._hearing = hearing
+        self._strays = Strays(scenario, hearing)
         self._homes = {mate.id: mate.home for mate in scenario.vehicles}
         self._return_m_s = scenario.flight.return_speed_m_s
         self._plans: dict[int, list[PlanTrajectory]] = {}
         self.dangers: dict[Condition, str] = {}
-
-    def alive(self, sender: int, time_s: float) -> None:
-        """Something of a peer arrived at a UNIX time."""
-        self._strays.alive(sender, time_s)
-
-    def receive_status(self, status: PeerStatus, then: Pose | None, down_m: float, time_s: float) -> None:
-        """What a peer says of itself, and where and how high this robot was at that time."""
-        self._strays.receive(status, then, down_m, time_s)
 
     def receive_plan(self, sender: int, trajectory: PlanTrajectory) -> None:
         """What a peer flies from the start of this trajectory on."""
         plans = self._plans.setdefault(sender, [])
         plans[:] = [*(plan for plan in plans if plan.start_s < trajectory.start_s), trajectory][-PLANS_KEPT:]
 
-    def filter(
-        self, setpoint: Setpoint, time_s: float, place: Pose | None, down_m: float, heard: Sequence[PeerStatus]
-    ) -> Setpoint:
+    def filter(self, setpoint: Setpoint, time_s: float, place: Pose | None, down_m: float) -> Setpoint:
         """The setpoint with a velocity that keeps off.
 
         Args:
@@ -82,12 +74,11 @@ class LastResort:
             time_s: UNIX time, s.
             place: Where this robot is; without that nothing is changed.
             down_m: Its height, NED, m: who is well above or below is out of the way.
-            heard: The last status of each peer, however old.
         """
         if not self._enabled or place is None:
             return setpoint
         here = (place.north_m, place.east_m)
-        obstructions = self.obstructions(time_s, here, down_m, heard)
+        obstructions = self.obstructions(time_s, here, down_m)
         self.near = any(
             math.dist(here, (other.north_m, other.east_m)) - other.distance_m < NEAR_M for other in obstructions
         )
@@ -95,18 +86,18 @@ class LastResort:
         self.dangers = self._dangers(setpoint, filtered, here)
         return filtered
 
-    def obstructions(self, time_s: float, here: Point, down_m: float, heard: Sequence[PeerStatus]) -> list[Obstruction]:
+    def obstructions(self, time_s: float, here: Point, down_m: float) -> list[Obstruction]:
         """Whom to keep off at a UNIX time, and by how much: strays in all layers, others in this one."""
         if self._keep_m <= 0.0:
             return []
-        self.strays = self._strays.find(time_s, here, down_m, heard, self._place_at)
+        self.strays = self._strays.find(time_s, here, down_m, self._place_at)
         found = []
         for stray in self.strays:
             if not stray.sinks or stray.down_m - down_m < self._layers_m:
                 north_m, east_m = stray.nearest(here)
                 found.append(Obstruction(north_m, east_m, self._keep_m + stray.unsure_m, keeps_off=False))
         kept_off = {stray.peer for stray in self.strays}
-        for status in heard:
+        for status in self._hearing.statuses:
             age_s = max(time_s - status.time_s, 0.0)
             below_or_above = abs(status.position[2] - down_m) >= self._layers_m
             away = status.state in _ON_THE_GROUND or age_s > self._silence_s or below_or_above

@@ -7,18 +7,21 @@ layers of others. So a stray is in the way in all layers, on the way that it may
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from onboard.config.polygon import Point, nearest_on_segment
 from onboard.config.schema import Scenario
-from onboard.geometry import Pose
+from onboard.hearing import Hearing
 from onboard.messages import FlightState, PeerStatus
 
 __all__ = ["FLIES_ON_S", "SILENT_S", "Place", "Stray", "Strays"]
 
 SILENT_S = 0.8
-"""Nothing heard of a teammate for longer is more than a bad radio: it says several things twice a second."""
+"""Nothing heard of a teammate for longer is more than a bad radio: it says several things twice a second.
+
+Keeping off costs little, so it begins long before anybody is told (``company.PEER_SILENCE_S``).
+"""
 
 FLIES_ON_S = 2.0
 """How long it may fly on as it last did: from its last word to its end, PX4's COM_OF_LOSS_T, and what braking takes."""
@@ -32,7 +35,6 @@ HASTE = 1.2
 
 UNSURE_M = 0.2
 MOVING_M_S = 0.3
-FRESH_S = 0.5
 
 _FLOWN = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK, FlightState.RETURN, FlightState.LAND)
 _STAYS = (FlightState.HOLD, FlightState.LAND)
@@ -84,45 +86,30 @@ class Strays:
 
     Args:
         scenario: The team, its speeds.
+        hearing: What was heard of them.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, hearing: Hearing) -> None:
+        self._hearing = hearing
         self._speed_m_s = max(
             scenario.flight.return_speed_m_s, *(primitive.speed_m_s for primitive in scenario.primitive_set)
         )
         self._drift_m = scenario.flight.guard.drift_m
         self._stray_s = scenario.flight.guard.stray_s
-        self._life_s: dict[int, float] = {}
-        self._reach_m = 0.0
-        self._lost: dict[int, Stray] = {}
-        self._moved: dict[int, tuple[float, tuple[float, float, float]]] = {}
-
-    def alive(self, peer: int, time_s: float) -> None:
-        """Something of a peer arrived at a UNIX time."""
-        self._life_s[peer] = time_s
-        self._lost.pop(peer, None)
-
-    def receive(self, status: PeerStatus, then: Pose | None, down_m: float, time_s: float) -> None:
-        """A status that arrived; with where and how high this robot was at its time, it tells how far one hears."""
-        moved = self._moved.get(status.sender)
-        if moved is None or moved[1] != status.position:
-            self._moved[status.sender] = (time_s, status.position)
-        if then is not None and time_s - status.time_s < FRESH_S:
-            apart_m = math.dist(status.position, (then.north_m, then.east_m, down_m))
-            self._reach_m = max(self._reach_m, apart_m)
+        self._lost: dict[int, tuple[float, Stray]] = {}
 
     @property
     def lost(self) -> list[Stray]:
         """Silent teammates where they fell silent, however long ago: they may lie there."""
-        return list(self._lost.values())
+        return [stray for peer in self._lost if (stray := self._still_lost(peer)) is not None]
+
+    def _still_lost(self, peer: int) -> Stray | None:
+        """A stray that has been silent since it became one."""
+        heard_s, stray = self._lost.get(peer, (-math.inf, None))
+        return stray if self._hearing.peers[peer].heard_s == heard_s else None
 
     def find(
-        self,
-        time_s: float,
-        here: Point,
-        down_m: float,
-        heard: Sequence[PeerStatus],
-        place: Callable[[PeerStatus, float], Place],
+        self, time_s: float, here: Point, down_m: float, place: Callable[[PeerStatus, float], Place]
     ) -> list[Stray]:
         """All strays at a UNIX time.
 
@@ -130,11 +117,10 @@ class Strays:
             time_s: UNIX time, s.
             here: Where this robot is, north m, east m.
             down_m: Its height, NED, m.
-            heard: The last status of each peer.
             place: Where a peer was at a UNIX time, by its status and what it planned.
         """
         found = []
-        for status in heard:
+        for status in self._hearing.statuses:
             stray = self._silent(status, time_s, here, down_m, place) or self._told(status, time_s)
             if stray is not None:
                 found.append(stray)
@@ -143,18 +129,18 @@ class Strays:
     def _silent(
         self, status: PeerStatus, time_s: float, here: Point, down_m: float, place: Callable[[PeerStatus, float], Place]
     ) -> Stray | None:
-        peer = status.sender
-        life_s = self._life_s.get(peer, status.time_s)
-        if time_s - life_s <= SILENT_S or time_s - life_s > self._stray_s or status.state not in _FLOWN:
+        heard_s = self._hearing.peers[status.sender].heard_s
+        if time_s - heard_s <= SILENT_S or time_s - heard_s > self._stray_s or status.state not in _FLOWN:
             return None
-        if peer in self._lost:
-            return self._lost[peer]
-        last = place(status, life_s)
-        away_m = self._may_be_away_m(status, last, time_s - life_s, here)
-        if math.hypot(away_m, status.position[2] - down_m) > self._reach_m:
+        known = self._still_lost(status.sender)
+        if known is not None:
+            return known
+        last = place(status, heard_s)
+        away_m = self._may_be_away_m(status, last, time_s - heard_s, here)
+        if math.hypot(away_m, status.position[2] - down_m) > self._hearing.reach_m:
             return None
         stray = self._on_from(status, last, self._drift_m, sinks=False)
-        self._lost[peer] = stray
+        self._lost[status.sender] = (heard_s, stray)
         return stray
 
     def _may_be_away_m(self, status: PeerStatus, last: Place, silence_s: float, here: Point) -> float:
@@ -173,9 +159,9 @@ class Strays:
     def _told(self, status: PeerStatus, time_s: float) -> Stray | None:
         """Whom its own status calls a stray, or who lands; a place that is not measured any more counts for a while."""
         lands = status.state is FlightState.LAND and not status.adrift
-        moved_s, _ = self._moved.get(status.sender, (status.time_s, status.position))
         if not (status.adrift or lands):
             return None
+        moved_s = self._hearing.peers[status.sender].moved_s
         if time_s - max(moved_s, status.time_s if lands else -math.inf) > self._stray_s:
             return None
         drift_m = self._drift_m if status.adrift else 0.0

@@ -52,11 +52,6 @@ class TeamTable:
         """System ids of the peers in range, ascending."""
         return tuple(sorted(peer for peer, (heard_s, _) in self._heard.items() if time_s - heard_s <= self._timeout_s))
 
-    @property
-    def last_heard(self) -> list[PeerStatus]:
-        """The last status of every peer ever heard, however old."""
-        return [status for _, status in self._heard.values()]
-
     def status(self, peer: int, time_s: float) -> PeerStatus | None:
         """The last status of a peer in range."""
         heard_s, status = self._heard.get(peer, (-math.inf, None))

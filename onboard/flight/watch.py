@@ -37,6 +37,8 @@ FLIGHT = frozenset(
         Condition.PLAN_FLOWN_OUT,
         Condition.FENCE_NEAR,
         Condition.TEAMMATE_NEAR,
+        Condition.PEER_LOST,
+        Condition.PARTITION,
     }
 )
 """Conditions that end, without a word, when the vehicle is no longer flown."""

@@ -287,9 +287,9 @@ def test_a_teammate_that_speaks_of_another_minute_is_refused() -> None:
     said = status_of(unit, NOW + 0.5)
     for age_s in (-3600.0, -61.0, 61.0, 1e6):
         unit.receive(LinkName.PEERS, peer_status(said, NOW - age_s), NOW)
-    assert unit.agent.team.last_heard == []
+    assert unit.agent.team.neighbours(NOW) == ()
     unit.receive(LinkName.PEERS, peer_status(said, NOW - 5.0), NOW)
-    assert [status.sender for status in unit.agent.team.last_heard] == [2]
+    assert unit.agent.team.neighbours(NOW) == (2,)
 
 
 def test_a_teammate_that_floods_is_heard_no_more_often_than_it_may() -> None:

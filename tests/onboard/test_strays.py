@@ -9,6 +9,7 @@ import pytest
 from onboard.config import load_scenario
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
+from onboard.hearing import Hearing
 from onboard.last_resort import LastResort
 from onboard.messages import FlightState, PeerStatus
 from onboard.planning.primitives import Primitive
@@ -23,38 +24,38 @@ STATUS = PeerStatus(2, NOW, FlightState.TRACK, (2.0, 4.0, -1.7), 0.0, (1,), Fals
 NORTHWARD = PlanTrajectory(NOW - 1.0, Pose(1.0, 4.0, 0.0), [Primitive(1.0, 0.0)] * 12, 0.5)
 
 
-def last_heard(status: PeerStatus, far_m: float = 3.0) -> LastResort:
+def last_heard(status: PeerStatus, far_m: float = 3.0) -> tuple[LastResort, Hearing]:
     """A last resort that has heard this peer from as far as that before, and then this status."""
-    resort = LastResort(LAB, LAB.vehicle(1))
+    hearing = Hearing()
+    resort = LastResort(LAB, LAB.vehicle(1), hearing)
     then = Pose(status.position[0], status.position[1] + far_m, 0.0)
-    resort.receive_status(dataclasses.replace(status, time_s=NOW - 1.0), then, -1.7, NOW - 1.0)
+    hearing.receive_status(dataclasses.replace(status, time_s=NOW - 1.0), then, -1.7, NOW - 1.0)
     resort.receive_plan(2, NORTHWARD)
-    resort.alive(2, NOW)
-    resort.receive_status(status, then, -1.7, NOW)
-    return resort
+    hearing.receive_status(status, then, -1.7, NOW)
+    return resort, hearing
 
 
 def test_who_falls_silent_nearby_is_kept_off_in_all_layers_on_the_way_that_it_may_fly_on() -> None:
-    resort, here = last_heard(STATUS), (2.4, 3.0)
-    assert resort.obstructions(NOW + SILENT_S - 0.1, here, BELOW_M, [STATUS]) == []
-    (other,) = resort.obstructions(NOW + SILENT_S + 0.1, here, BELOW_M, [STATUS])
+    (resort, _), here = last_heard(STATUS), (2.4, 3.0)
+    assert resort.obstructions(NOW + SILENT_S - 0.1, here, BELOW_M) == []
+    (other,) = resort.obstructions(NOW + SILENT_S + 0.1, here, BELOW_M)
     assert (other.north_m, other.east_m) == pytest.approx((2.4, 4.0)), "the nearest point of its way"
     assert other.distance_m == pytest.approx(KEEP_M + GUARD.drift_m)
     assert not other.keeps_off
     assert not resort.may_descend((2.4, 3.0))
     assert resort.may_descend((2.4, 2.0))
     beyond = (4.0, 4.0)
-    (end,) = resort.obstructions(NOW + 8.0, beyond, BELOW_M, [STATUS])
+    (end,) = resort.obstructions(NOW + 8.0, beyond, BELOW_M)
     assert (end.north_m, end.east_m) == pytest.approx((2.0 + FLIES_ON_S, 4.0))
-    assert resort.obstructions(NOW + GUARD.stray_s + 0.1, here, BELOW_M, [STATUS]) == []
+    assert resort.obstructions(NOW + GUARD.stray_s + 0.1, here, BELOW_M) == []
     assert [stray.peer for stray in resort.lying] == [2], "where it fell silent"
 
 
 def test_who_is_heard_again_is_no_stray() -> None:
-    resort, here = last_heard(STATUS), (2.4, 3.0)
-    assert resort.obstructions(NOW + 1.4, here, BELOW_M, [STATUS])
-    resort.alive(2, NOW + 1.5)
-    assert resort.obstructions(NOW + 1.6, here, BELOW_M, [STATUS]) == []
+    (resort, hearing), here = last_heard(STATUS), (2.4, 3.0)
+    assert resort.obstructions(NOW + 1.4, here, BELOW_M)
+    hearing.receive(2, NOW + 1.5)
+    assert resort.obstructions(NOW + 1.6, here, BELOW_M) == []
     assert resort.lying == []
 
 
@@ -68,8 +69,8 @@ def test_who_is_heard_again_is_no_stray() -> None:
     ids=["may be out of range by now", "never heard from so far", "on the ground"],
 )
 def test_whose_silence_means_nothing_is_no_stray(status: PeerStatus, far_m: float, here: tuple[float, float]) -> None:
-    resort = last_heard(status, far_m)
-    assert resort.obstructions(NOW + SILENT_S + 0.1, here, BELOW_M, [status]) == []
+    resort, _ = last_heard(status, far_m)
+    assert resort.obstructions(NOW + SILENT_S + 0.1, here, BELOW_M) == []
 
 
 @pytest.mark.parametrize(
@@ -79,34 +80,35 @@ def test_who_says_that_nobody_flies_it_is_kept_off_in_all_layers_while_its_place
     state: FlightState,
 ) -> None:
     status = dataclasses.replace(STATUS, state=state, adrift=True)
-    resort = last_heard(status)
+    resort, hearing = last_heard(status)
     for time_s in (NOW + 0.1, NOW + 5.0):
-        resort.alive(2, time_s)
-        assert len(resort.obstructions(time_s, (2.0, 2.0), BELOW_M, [status])) == 1
+        hearing.receive(2, time_s)
+        assert len(resort.obstructions(time_s, (2.0, 2.0), BELOW_M)) == 1
     frozen_s = NOW + GUARD.stray_s + 0.1
-    resort.alive(2, frozen_s)
-    resort.receive_status(dataclasses.replace(status, time_s=frozen_s), None, BELOW_M, frozen_s)
-    assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M, [status]) == []
+    hearing.receive(2, frozen_s)
+    hearing.receive_status(dataclasses.replace(status, time_s=frozen_s), None, BELOW_M, frozen_s)
+    assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M) == []
     measured = dataclasses.replace(status, position=(2.0, 4.01, -1.2), time_s=frozen_s)
-    resort.receive_status(measured, None, BELOW_M, frozen_s)
-    assert len(resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M, [measured])) == 1
+    hearing.receive_status(measured, None, BELOW_M, frozen_s)
+    assert len(resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M)) == 1
     down = dataclasses.replace(measured, state=FlightState.LANDED, adrift=False)
-    assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M, [down]) == []
+    hearing.receive_status(down, None, BELOW_M, frozen_s)
+    assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M) == []
 
 
 def test_who_lands_is_kept_off_by_those_below_only() -> None:
     status = dataclasses.replace(STATUS, state=FlightState.LAND, velocity=(0.0, 0.0))
-    resort = last_heard(status)
-    assert len(resort.obstructions(NOW, (2.0, 2.0), BELOW_M, [status])) == 1
-    assert resort.obstructions(NOW, (2.0, 2.0), -2.4, [status]) == []
+    resort, _ = last_heard(status)
+    assert len(resort.obstructions(NOW, (2.0, 2.0), BELOW_M)) == 1
+    assert resort.obstructions(NOW, (2.0, 2.0), -2.4) == []
 
 
 def test_a_turn_is_flown_on_straight() -> None:
-    resort = last_heard(STATUS)
+    resort, hearing = last_heard(STATUS)
     turning = PlanTrajectory(NOW - 0.5, Pose(1.5, 4.0, 0.0), [Primitive(1.0, 0.0), *[Primitive(1.0, 1.0)] * 11], 0.5)
     resort.receive_plan(2, turning)
-    resort.alive(2, NOW + 0.5)
-    resort.obstructions(NOW + 0.5 + SILENT_S + 0.1, (2.4, 3.0), BELOW_M, [STATUS])
+    hearing.receive(2, NOW + 0.5)
+    resort.obstructions(NOW + 0.5 + SILENT_S + 0.1, (2.4, 3.0), BELOW_M)
     (stray,) = resort.strays
     last = turning.reference(NOW + 0.5)
     assert stray.begin == pytest.approx((last.pose.north_m, last.pose.east_m))
