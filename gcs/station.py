@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable
 
+from gcs.attention import Attention
 from gcs.commands import AUTOPILOT, ONBOARD, describe
 from gcs.fleet import FleetOutcome, FleetProcess, Verdict
 from gcs.mission import UNHURRIED, MissionDirector
@@ -16,7 +17,7 @@ from gcs.operator_desk import Action, OperatorDesk, Order, Way, command_for
 from gcs.recording.recorder import Recorder
 from gcs.router import TEAM, Port
 from gcs.switchboard import Switchboard
-from gcs.team import TeamMonitor, TeamState
+from gcs.team import SOON_REPLACED, TeamMonitor, TeamState
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent
@@ -55,6 +56,7 @@ class GroundStation:
         desk: OperatorDesk | None = None,
         component_id: int = COMPONENT_ID,
         clock: Callable[[], float] = time.time,
+        steady: Callable[[], float] = time.monotonic,
     ) -> None:
         """Prepare a station; :meth:`open` makes it listen.
 
@@ -65,6 +67,7 @@ class GroundStation:
             desk: Where orders arrive; a new one unless given.
             component_id: Of this station; programs that join another one have one of their own.
             clock: UNIX time, s.
+            steady: Time that nobody sets and that stands still while the computer sleeps, s.
 
         Raises:
             SigningError: The team's key cannot be used.
@@ -75,6 +78,9 @@ class GroundStation:
         self.scenario = scenario
         self._recorder = recorder
         self._clock = clock
+        self._steady = steady
+        self._attention = Attention()
+        self._heard_until_s = -math.inf
         self._identity = (scenario.ground.system_id, component_id)
         # Programs that join in have ids of 25 and up, two each: one for themselves, one for their MAVSDK.
         mavsdk_component = mavlink.MAV_COMP_ID_USER1 if component_id == COMPONENT_ID else component_id + 1
@@ -90,7 +96,7 @@ class GroundStation:
         self._codec = Codec(*self._identity, self._gate.signing)
         self._reader = Codec(*self._identity)
         self._commands = CommandClient()
-        self.switchboard = Switchboard(scenario.ground, self._frame, clock, self._mavsdk_identity)
+        self.switchboard = Switchboard(scenario.ground, self._frame, self._missed, self._mavsdk_identity)
         self.switchboard.admit(self._admits)
         self.switchboard.verify(self._gate.lets_in)
         self._fleet: FleetProcess | None = None
@@ -100,7 +106,7 @@ class GroundStation:
             self._names[vehicle.id, ONBOARD] = f"vehicle{vehicle.id}_onboard"
         if scenario.simulation is not None:
             self._names[scenario.simulation.system_id, AUTOPILOT] = "bridge"
-        self._next_heartbeat_s = 0.0
+        self._next_heartbeat_s = -math.inf
 
     async def open(self, team_url: str | None = None, *, mavsdk: bool = True) -> None:
         """Listen on the scenario's ground port, or join the station that has it.
@@ -138,10 +144,9 @@ class GroundStation:
         return self._fleet is not None and self._fleet.reaches(vehicle_id)
 
     def tick(self) -> None:
-        """Let time pass: heartbeats, commands and their repetition, the cores' own clocks."""
+        """Let time pass: read what has arrived, heartbeats, commands and their repetition, the cores' own clocks."""
+        heard_until_s = self._listen()
         now_s = self._clock()
-        self._gate.advance(now_s)
-        self.team.advance(now_s)
         if self.director is not None:
             for command in self.director.update(self.team.state(now_s)):
                 self._commands.request(command, now_s)
@@ -150,13 +155,13 @@ class GroundStation:
         if self._fleet is not None:
             for fleet_outcome in self._fleet.poll():
                 self._fleet_ended(fleet_outcome, now_s)
-        due, unanswered = self._commands.poll(now_s)
+        due, unanswered = self._commands.poll(now_s, heard_until_s)
         for command in due:
             self._send((command.target_system, command.target_component), command, now_s)
         for outcome in unanswered:
             self._note(outcome, now_s)
-        if now_s >= self._next_heartbeat_s:
-            self._next_heartbeat_s = now_s + _HEARTBEAT_S
+        if self._steady() >= self._next_heartbeat_s:
+            self._next_heartbeat_s = self._steady() + _HEARTBEAT_S
             if (notice := self._gate.notice(now_s)) is not None:
                 self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "ground", notice)
             self.switchboard.router.forget_silent(now_s)
@@ -166,22 +171,50 @@ class GroundStation:
                 for warning in self._recorder.take_warnings():
                     self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "recorder", warning)
 
-    def _frame(self, frame: bytes, source: SystemComponent, port: Port) -> None:
+    def _listen(self) -> float:
+        """Read what has arrived, and let the team's time pass as far as that goes; UNIX time until when all is read."""
+        attention, now_s = self._attention, self._clock()
+        self._gate.advance(now_s)
+        hole = attention.look(now_s, self._steady())
+        if hole is not None:
+            self.team.excuse(hole)
+        if self.switchboard.read():
+            attention.caught_up(now_s)
+        heard_until_s = attention.heard_until_s if attention.heard_until_s is not None else now_s
+        self._hear_until(heard_until_s)
+        self.team.behind_s = attention.behind_s
+        for severity, text in attention.notices():
+            self.team.note(now_s, severity, "ground", text)
+        return heard_until_s
+
+    def _hear_until(self, heard_until_s: float) -> None:
+        self.team.heard_until_s = self._heard_until_s = heard_until_s
+        self.team.advance(heard_until_s)
+
+    def _missed(self, count: int, arrived_s: float) -> None:
+        """The team's link had no room for so many datagrams before one that arrived then."""
+        self.team.excuse(self._attention.missed(count, arrived_s))
+
+    def _frame(self, frame: bytes, source: SystemComponent, port: Port, arrived_s: float) -> None:
         """Every frame is recorded, only what the team's state needs is decoded."""
-        now_s = self._clock()
-        self._record(source, now_s, frame)
+        self._record(source, arrived_s, frame)
         if port.link != TEAM:
             return
+        self._attention.read_to(arrived_s)
+        if arrived_s - self._heard_until_s >= _TICK_S:  # what is read late is judged step by step, as it came
+            self._hear_until(arrived_s)
         kind = message_id(frame)
         if port == self.switchboard.router.port_of(source):
-            self.team.sequence(frame, source, now_s)
-        if kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK and not self.team.wants(kind, source[0], now_s):
+            self.team.sequence(frame, source, arrived_s)
+        if kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK and not self.team.wants(kind, source[0], arrived_s):
+            return
+        if kind in SOON_REPLACED and not self._attention.worth_drawing(arrived_s):
             return
         for message in self._reader.decode(frame):
             if isinstance(message, mavlink.MAVLink_command_ack_message):
-                self._acknowledged(message, now_s)
+                self._acknowledged(message, arrived_s)
             else:
-                self.team.receive(message, now_s)
+                self.team.receive(message, arrived_s)
 
     def _obey(self, order: Order, now_s: float) -> None:
         """Command what an operator orders; a director that flies the team is told what it must not undo."""

@@ -9,13 +9,15 @@ import contextlib
 import socket
 from collections.abc import Callable
 from functools import partial
+from typing import Protocol
 
+from gcs.ground_socket import GroundSocket
 from gcs.router import TEAM, Port, Router
 from onboard.config.schema import GroundConfig
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent, source_of, target_of
 from onboard.protocol.codec import BROADCAST, message_id, split_frames
-from onboard.protocol.transport import Address, DatagramLink, LinkUrl, TransportError, open_datagram_link
+from onboard.protocol.transport import Address, LinkUrl, TransportError
 
 __all__ = ["SHARE", "Switchboard"]
 
@@ -28,8 +30,29 @@ _BUFFER_BYTES = 4 * 1024 * 1024
 _NEEDED_BY_MAVSDK = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE})
 """Of what vehicles broadcast; MAVSDK's actions need no more, and each frame costs both sides."""
 
-Receiver = Callable[[bytes, SystemComponent, Port], None]
-"""A frame, its sender, and where it came from."""
+Receiver = Callable[[bytes, SystemComponent, Port, float], None]
+"""A frame, its sender, where it came from, and the UNIX time at which it arrived, s."""
+
+
+class Socket(Protocol):
+    """What a link is sent and read with: a :class:`~gcs.ground_socket.GroundSocket`."""
+
+    @property
+    def url(self) -> LinkUrl:
+        """Of the link."""
+
+    @property
+    def local_port(self) -> int:
+        """UDP port on this side."""
+
+    def read(self) -> bool:
+        """Read what waits; whether nothing is left."""
+
+    def send(self, data: bytes, address: Address | None = None) -> None:
+        """Send to an address, or to the one remote of an ``udpout`` link."""
+
+    def close(self) -> None:
+        """Close it."""
 
 
 class Switchboard:
@@ -38,7 +61,7 @@ class Switchboard:
     Args:
         ground: URLs of the links.
         receive: Called with each frame that the router lets pass.
-        clock: UNIX time, s.
+        missed: Told how many datagrams of the team's link found no room before one, and when that one arrived.
         frugal: A component that needs few of the broadcasts: MAVSDK.
 
     Attributes:
@@ -47,15 +70,19 @@ class Switchboard:
     """
 
     def __init__(
-        self, ground: GroundConfig, receive: Receiver, clock: Callable[[], float], frugal: SystemComponent
+        self,
+        ground: GroundConfig,
+        receive: Receiver,
+        missed: Callable[[int, float], None],
+        frugal: SystemComponent,
     ) -> None:
         self.rejected = 0
         self.router = Router()
         self._ground = ground
         self._deliver = receive
-        self._clock = clock
+        self._missed = missed
         self._frugal = frugal
-        self._links: dict[str, DatagramLink] = {}
+        self._links: dict[str, Socket] = {}
         self._admits: Callable[[SystemComponent], bool] = lambda _: True
         self._is_genuine: Callable[[bytes, SystemComponent], bool] = lambda _frame, _source: True
 
@@ -77,20 +104,21 @@ class Switchboard:
             TransportError: The team's link cannot be opened.
         """
         problems = []
-        self._links[TEAM] = await open_datagram_link(
-            team_url or self._ground.url, receive_from=partial(self.receive, TEAM)
+        self._links[TEAM] = await GroundSocket.open(
+            team_url or self._ground.url,
+            partial(self.receive, TEAM),
+            missed=self._missed,
+            buffer_bytes=_BUFFER_BYTES,
         )
-        self._links[TEAM].widen(_BUFFER_BYTES)
         with contextlib.suppress(TransportError):
             # A program that has joined in is no place for others to do so, but MAVSDK needs one.
-            url = self._ground.share_url if team_url is None else _free_url()
-            self._links[SHARE] = await open_datagram_link(url, receive_from=partial(self.receive, SHARE))
+            await self._open_link(SHARE, self._ground.share_url if team_url is None else _free_url())
         if SHARE not in self._links:
             problems.append(f"{self._ground.share_url} is in use: `arvi monitor` and `arvi command` cannot join here")
-            self._links[SHARE] = await open_datagram_link(_free_url(), receive_from=partial(self.receive, SHARE))
+            await self._open_link(SHARE, _free_url())
         for url in self._ground.forward:
             try:
-                self._links[url] = await open_datagram_link(url, receive_from=partial(self.receive, url))
+                await self._open_link(url, url)
             except TransportError as error:
                 problems.append(f"forwarding: {error}")
                 continue
@@ -128,13 +156,18 @@ class Switchboard:
         """The team's components that have been heard."""
         return set(self.router.team_components())
 
-    def attach(self, name: str, link: DatagramLink) -> None:
+    def attach(self, name: str, link: Socket) -> None:
         """Use a link that is open already."""
         self._links[name] = link
 
-    def receive(self, link: str, datagram: bytes, address: Address) -> None:
-        """Take one datagram of a link that came from an address."""
-        now_s, port = self._clock(), Port(link, address)
+    def read(self) -> bool:
+        """Read what waits on all links, as far as one turn goes; whether nothing of the team's is left."""
+        drained = {name: link.read() for name, link in list(self._links.items())}
+        return drained.get(TEAM, True)
+
+    def receive(self, link: str, datagram: bytes, address: Address, arrived_s: float) -> None:
+        """Take one datagram of a link that came from an address and arrived at a UNIX time, s."""
+        port = Port(link, address)
         for frame in split_frames(datagram):
             if frame is None:
                 self.rejected += 1
@@ -144,12 +177,12 @@ class Switchboard:
                 continue
             if link == TEAM and not self._is_genuine(frame, source):
                 continue
-            if not self.router.receive(frame, port, now_s):
+            if not self.router.receive(frame, port, arrived_s):
                 continue
             copy = link == TEAM and self.router.port_of(source) != port
             if not copy and (link != TEAM or self.router.has_guests):
                 self._pass_on(frame, port)
-            self._deliver(frame, source, port)
+            self._deliver(frame, source, port, arrived_s)
 
     def _pass_on(self, frame: bytes, came_from: Port) -> None:
         spared = None
@@ -166,7 +199,10 @@ class Switchboard:
         if link.url.kind == "udpout":
             link.send(frame)
         else:
-            link.send_to(frame, port.address)
+            link.send(frame, port.address)
+
+    async def _open_link(self, name: str, url: str) -> None:
+        self._links[name] = await GroundSocket.open(url, partial(self.receive, name))
 
 
 def _free_url() -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gcs.attention import Hole, Listening
 from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.explored import ExploredArea, ExploredMonitor
 from gcs.metrics import EstimateMetrics, MetricsFigures, NotGaussianError, TargetState
@@ -26,7 +27,7 @@ from onboard.protocol.team_messages import (
     read_tile,
 )
 
-__all__ = ["Event", "TeamMonitor", "TeamState"]
+__all__ = ["SOON_REPLACED", "Event", "TeamMonitor", "TeamState"]
 
 _WANTED = frozenset(
     {
@@ -50,6 +51,16 @@ _WANTED = frozenset(
 _THROTTLE_S = {mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.2, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.2}
 """Messages that come more often than the ground needs them: one is read in this time, s."""
 
+SOON_REPLACED = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_TARGET_BELIEF,
+        mavlink.MAVLINK_MSG_ID_TARGET_TRUTH,
+        mavlink.MAVLINK_MSG_ID_VEHICLE_TRUTH,
+    }
+)
+"""Messages by the hundred, each of which the next one makes old: who has no time leaves these out."""
 
 _NAMED_PEERS = 5
 
@@ -83,6 +94,8 @@ class TeamState:
         figures: RMSE and entropy so far.
         mission_start_s: UNIX time of step 0; None before a vehicle has taken it.
         explored: What the team has seen of the mission area; None before the first word of it.
+        behind_s: By how much the ground station is late, s: all else is the team as it was then; None while it keeps
+            up.
     """
 
     time_s: float
@@ -92,6 +105,7 @@ class TeamState:
     figures: MetricsFigures
     mission_start_s: float | None
     explored: ExploredArea | None = None
+    behind_s: float | None = None
 
     @property
     def discovered(self) -> int:
@@ -109,6 +123,9 @@ class TeamMonitor:
     Attributes:
         metrics: Figures of merit of the estimates.
         rejected: Messages whose content cannot be used.
+        heard_until_s: UNIX time until when all that arrived has been received, s, by which ages and silence are judged;
+            None to the present.
+        behind_s: By how much the ground station is late, s, to be shown; None while it keeps up.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -116,13 +133,16 @@ class TeamMonitor:
         self._grid = MissionClock(0.0, scenario.mission.step_s)
         self.metrics = EstimateMetrics(self._grid)
         self.rejected = 0
+        self.heard_until_s: float | None = None
+        self.behind_s: float | None = None
         self._checksum = primitives_checksum(scenario.primitive_set)
         self._primitive_count = len(scenario.primitives)
         self._explored = ExploredMonitor(scenario)
         self._texts = StatusTextAssembler()
+        self._listening = Listening()
         self._simulation = scenario.simulation
         self._vehicles = {
-            vehicle.id: VehicleMonitor(vehicle.id, TrackingMonitor(scenario.primitive_set, self._grid))
+            vehicle.id: VehicleMonitor(vehicle.id, TrackingMonitor(scenario.primitive_set, self._grid), self._listening)
             for vehicle in scenario.vehicles
         }
         self._events: list[Event] = []
@@ -171,8 +191,19 @@ class TeamMonitor:
         """Add an event of the ground's own."""
         self._events.append(Event(time_s, severity, source, text))
 
+    def excuse(self, hole: Hole) -> None:
+        """Nobody could be heard for a while: that time is no silence, and what was said then no loss of a link."""
+        self._listening.add(hole)
+        self._read_s.clear()
+        for vehicle in self._vehicles.values():
+            vehicle.forget_links()
+
     def advance(self, now_s: float) -> None:
-        """Let time pass: evaluates finished steps, and notices who has fallen silent."""
+        """Let time pass until all has been received that arrived before: who has fallen silent, which steps are over.
+
+        Args:
+            now_s: UNIX time, s; the present for who receives without delay.
+        """
         self.metrics.advance(now_s)
         self._explored.advance(now_s)
         for vehicle in self._vehicles.values():
@@ -193,10 +224,11 @@ class TeamMonitor:
         return events
 
     def state(self, now_s: float) -> TeamState:
-        """The team at this UNIX time."""
-        vehicles = tuple(vehicle.state(now_s) for vehicle in self._vehicles.values())
+        """The team at this UNIX time, or as it was when what has been received arrived."""
+        known_s = now_s if self.heard_until_s is None else min(now_s, self.heard_until_s)
+        vehicles = tuple(vehicle.state(known_s) for vehicle in self._vehicles.values())
         starts = [vehicle.mission_start_s for vehicle in vehicles if vehicle.mission_start_s is not None]
-        targets = self.metrics.targets(now_s)
+        targets = self.metrics.targets(known_s)
         count = self._simulation.ground_robots.count if self._simulation is not None else None
         if count is None and self.metrics.truth_targets:
             count = self.metrics.truth_targets
@@ -208,6 +240,7 @@ class TeamMonitor:
             figures=self.metrics.figures(),
             mission_start_s=max(starts, default=None),
             explored=self._explored.area(),
+            behind_s=self.behind_s,
         )
 
     def figures(self) -> dict[int, VehicleFigures]:

@@ -19,6 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gcs.arena_map import ArenaMap, vehicle_style
+from gcs.attention import behind_text
 from gcs.dashboard.wording import number, vehicle_is_silent
 from gcs.session import WATCHING, Display
 from gcs.team import Event, TeamState
@@ -136,6 +137,8 @@ def progress_line(team: TeamState, phase: str, time_left_s: float | None) -> str
     """The team in one line."""
     total = "?" if team.target_count is None else team.target_count
     parts = [phase if time_left_s is None or math.isinf(time_left_s) else f"{phase}, {time_left_s:.0f} s left"]
+    if team.behind_s is not None:
+        parts.append(behind_text(team.behind_s).upper())
     parts.append(f"targets {team.discovered}/{total}")
     if team.figures.rmse_now_m is not None:
         parts.append(f"RMSE {team.figures.rmse_now_m:.2f} m")
@@ -189,7 +192,8 @@ def render_team(
     lower.add_column(width=arena.columns + 4)
     lower.add_column(ratio=1)
     lower.add_row(arena_panel, event_panel)
-    return Group(_headline(title, phase, time_left_s), _team_figures(team, phase), _vehicle_table(team, width), lower)
+    headline = _headline(title, phase, time_left_s, team.behind_s)
+    return Group(headline, _team_figures(team, phase), _vehicle_table(team, width), lower)
 
 
 def _short_event(event: Event, team: TeamState) -> Text:
@@ -206,12 +210,15 @@ def _short_event(event: Event, team: TeamState) -> Text:
     return text
 
 
-def _headline(title: str, phase: str, time_left_s: float | None) -> RenderableType:
+def _headline(title: str, phase: str, time_left_s: float | None, behind_s: float | None) -> RenderableType:
     left = "" if time_left_s is None or math.isinf(time_left_s) else f"{time_left_s:.0f} s left"
     line = Table.grid(expand=True)
     for justify in ("left", "center", "right"):
         line.add_column(justify=justify, ratio=1)
-    line.add_row(Text(title, style="bold"), Text(phase, style="bold green"), Text(left, style="bold"))
+    middle = Text(phase, style="bold green")
+    if behind_s is not None:
+        middle = Text(f"{behind_text(behind_s)}, what you see is old", style="bold white on red")
+    line.add_row(Text(title, style="bold"), middle, Text(left, style="bold"))
     return line
 
 

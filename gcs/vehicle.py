@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from gcs.attention import Listening
 from gcs.tracking import TrackingMonitor
 from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleState
 from onboard.geometry import Pose
@@ -29,15 +30,19 @@ _AIRBORNE_LANDED_STATES = (
 class VehicleMonitor:
     """Takes a vehicle's messages and keeps what the ground needs of them.
 
-    Times that are passed in are the moments of reception, in s of one clock.
+    Times that are passed in are the moments of arrival, in s of one clock.
 
     Args:
         vehicle_id: System id.
         tracking: Compares its true place with its plans; None does not.
+        listening: When it could be heard: other times make no heartbeat older; None is always.
     """
 
-    def __init__(self, vehicle_id: int, tracking: TrackingMonitor | None = None) -> None:
+    def __init__(
+        self, vehicle_id: int, tracking: TrackingMonitor | None = None, listening: Listening | None = None
+    ) -> None:
         self.id = vehicle_id
+        self._listening = listening if listening is not None else Listening()
         self._true_tracking = tracking
         self._heartbeat: mavlink.MAVLink_heartbeat_message | None = None
         self._autopilot_s: float | None = None
@@ -84,6 +89,10 @@ class VehicleMonitor:
     def onboard_ended(self) -> None:
         """Its onboard process is gone; a heartbeat would say otherwise."""
         self._onboard_s = None
+
+    def forget_links(self) -> None:
+        """Frames have been missed that were not lost on the way: counting begins anew."""
+        self._sequences.clear()
 
     def planner_status(self, message: mavlink.MAVLink_planner_status_message, now_s: float) -> None:
         """PLANNER_STATUS, once a step."""
@@ -178,13 +187,14 @@ class VehicleMonitor:
         return self._status.deadline_misses if self._status is not None else 0
 
     def heartbeat_ages_s(self, now_s: float) -> tuple[float | None, float | None]:
-        """Since the last heartbeats of autopilot and onboard process, s; None where none was heard."""
-        return _age(self._autopilot_s, now_s), _age(self._onboard_s, now_s)
+        """Since the heartbeats of autopilot and onboard process, as far as one could be heard, s; None for never."""
+        return self._silence_s(self._autopilot_s, now_s), self._silence_s(self._onboard_s, now_s)
 
     def state(self, now_s: float) -> VehicleState:
         """The vehicle at this moment."""
         status, plan, local = self._status, self._plan, self._local
         north_m, east_m, position_age_s = self._place(now_s)
+        autopilot_age_s, onboard_age_s = self.heartbeat_ages_s(now_s)
         return VehicleState(
             id=self.id,
             flight_state=self.flight_state,
@@ -194,8 +204,8 @@ class VehicleMonitor:
             north_m=north_m,
             east_m=east_m,
             height_m=self._height_m(now_s),
-            autopilot_age_s=_age(self._autopilot_s, now_s),
-            onboard_age_s=_age(self._onboard_s, now_s),
+            autopilot_age_s=autopilot_age_s,
+            onboard_age_s=onboard_age_s,
             mission_start_s=status.mission_start_usec * 1e-6 if status and status.mission_start_usec else None,
             plan_age_s=_finite(status.plan_age) if status is not None else None,
             planning_time_s=plan.planning_time_s if plan is not None else None,
@@ -248,6 +258,9 @@ class VehicleMonitor:
             disarmed=None if self.armed is None else not self.armed,
         )
 
+    def _silence_s(self, then_s: float | None, now_s: float) -> float | None:
+        return None if then_s is None else self._listening.duration_s(then_s, now_s)
+
     def _link(self, now_s: float) -> LinkQuality | None:
         parts = [monitor.quality(now_s) for monitor in self._sequences.values()]
         if not any(part.received for part in parts):
@@ -260,7 +273,7 @@ class VehicleMonitor:
 
     def _height_m(self, now_s: float) -> float | None:
         """From the onboard process while it is alive (mission frame), else from the autopilot itself."""
-        age = _age(self._onboard_s, now_s)
+        age = self._silence_s(self._onboard_s, now_s)
         if self._status is not None and age is not None and age < HEARTBEAT_TIMEOUT_S:
             return _finite(-self._status.down)
         return _finite(-self._local.z) if self._local is not None else None

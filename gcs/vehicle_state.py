@@ -28,8 +28,9 @@ class VehicleState:
         north_m: Position in the mission frame, m.
         east_m: Position in the mission frame, m.
         height_m: Above the ground, m.
-        autopilot_age_s: Since its autopilot's last heartbeat, s.
-        onboard_age_s: Since its onboard process's last heartbeat, s.
+        autopilot_age_s: Since its autopilot's last heartbeat arrived, s; time in which the ground station could hear
+            nobody does not count.
+        onboard_age_s: The same of its onboard process.
         mission_start_s: UNIX time of step 0 that it has taken.
         plan_age_s: Since the start of the epoch whose plan it flies, s.
         planning_time_s: Time that its last plan took, s.
@@ -45,11 +46,11 @@ class VehicleState:
         status_text: The last text that it sent.
         yaw_rad: Heading, clockwise from north, rad.
         speed_m_s: Over ground, m/s.
-        position_age_s: Since its position was heard, s.
+        position_age_s: Since its position arrived, s.
         plan: The last plan that it published; its step counts from 1970.
         autopilot: MAV_AUTOPILOT.
         link: Frames of both its components in the last ten seconds; None if there were none.
-        delay_s: From its last status to its reception, by the clocks of both sides, s.
+        delay_s: From its last status to its arrival, by the clocks of both sides, s.
         peer_loss: Frames lost over frames sent, 0 to 1, of each neighbour that it hears; without those unknown.
         landmarks: North m, east m of its exploration landmarks.
     """

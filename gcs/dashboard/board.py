@@ -7,9 +7,12 @@
 from __future__ import annotations
 
 import queue
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from gcs.attention import BEHIND_S
 from gcs.dashboard.history import EventLog, FlightHistory
 from gcs.dashboard.view import Columns, MapLayers, MapView, estimate_columns
 from gcs.operator_desk import CommandRecord, OperatorDesk, Order
@@ -91,6 +94,7 @@ class Board:
 
     Attributes:
         moment: The latest; None before the first.
+        behind_s: How old what is shown is, s: the flight's side is late, or hands nothing over; None while all is well.
         layers: Its map.
         history: Figures and trails.
         events: The log.
@@ -100,10 +104,19 @@ class Board:
 
     lost_text = "No connection to the ground station: what you see is old. The vehicles fly on without it."
 
-    def __init__(self, scenario: Scenario, feed: DashboardFeed) -> None:
+    def __init__(self, scenario: Scenario, feed: DashboardFeed, clock: Callable[[], float] = time.time) -> None:
+        """Prepare an empty board.
+
+        Args:
+            scenario: Whose team is shown.
+            feed: Between it and the flight's side.
+            clock: UNIX time, s.
+        """
         self.scenario = scenario
         self.feed = feed
         self.moment: Moment | None = None
+        self.behind_s: float | None = None
+        self._clock = clock
         self.layers: MapLayers | None = None
         self.map_view = MapView(scenario)
         self.history = FlightHistory([vehicle.id for vehicle in scenario.vehicles], self.map_view.bounds)
@@ -121,7 +134,11 @@ class Board:
         for event in self.feed.take_events():
             self.events.add(event)
         moment = self.feed.latest
-        if moment is None or moment is self.moment:
+        if moment is None:
+            return
+        age_s = self._clock() - moment.team.time_s
+        self.behind_s = age_s if age_s >= BEHIND_S else moment.team.behind_s
+        if moment is self.moment:
             return
         self.history.add(moment.team)
         self.show(moment)

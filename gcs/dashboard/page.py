@@ -138,7 +138,8 @@ class Page:
             self.charts.refresh()
         if self._count % _TEXT_EVERY != 1:
             return
-        _say(self._headline, panels.headline(moment, f"ARVI · {self._board.scenario.name}"))
+        name = f"ARVI · {self._board.scenario.name}"
+        _say(self._headline, panels.headline(moment, name, self._board.behind_s))
         _say(self._vehicles, panels.vehicle_table(moment.team if moment else None, self._board.map_view.bounds))
         if self._events_at != self._board.events.serial:
             self._show_events()

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from gcs.attention import behind_text
 from gcs.dashboard.board import Moment
 from gcs.dashboard.palette import vehicle_colour
 from gcs.dashboard.view import MapBounds
@@ -49,8 +50,8 @@ _HEADERS = (
 )
 
 
-def headline(moment: Moment | None, name: str) -> str:
-    """The flight in one line: what it does, and the figures that matter."""
+def headline(moment: Moment | None, name: str, behind_s: float | None = None) -> str:
+    """The flight in one line: what it does, and the figures that matter; when these are old, that comes first."""
     if moment is None:
         return f"<b>{escape(name)}</b> <span class='dim'>waiting for the ground station</span>"
     team, figures = moment.team, moment.team.figures
@@ -68,6 +69,8 @@ def headline(moment: Moment | None, name: str) -> str:
         facts.append(("left", f"{left:.0f} s"))
     silent = [str(vehicle.id) for vehicle in team.vehicles if vehicle_is_silent(vehicle)]
     alarm = f"<span class='alarm'>vehicle {', '.join(silent)} silent</span>" if silent else ""
+    if behind_s is not None:
+        alarm = f"<span class='alarm'>{behind_text(behind_s)}: what you see is old</span>{alarm}"
     items = "".join(f"<span class='fact'><i>{label}</i> {value}</span>" for label, value in facts)
     return (
         f"<div class='line'><b>{escape(name)}</b><span class='phase'>{escape(moment.phase)}</span>{alarm}{items}</div>"

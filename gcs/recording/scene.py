@@ -256,6 +256,7 @@ def _team_numbers(team: TeamState, phase: str, time_left_s: float | None) -> dic
         entropy_nats=figures.entropy_now_nats,
         entropy_mean_nats=figures.entropy_nats,
         explored_share=team.explored.share if team.explored is not None else None,
+        behind_s=team.behind_s,
     )
 
 

@@ -117,6 +117,7 @@ LOG = _object(
 TEAM = _known(
     "arvi.Team", timestamp=_TIME, phase=_STRING, time_left_s=_NUMBER, discovered=_NUMBER, target_count=_NUMBER,
     rmse_m=_NUMBER, rmse_mean_m=_NUMBER, entropy_nats=_NUMBER, entropy_mean_nats=_NUMBER, explored_share=_NUMBER,
+    behind_s=_NUMBER,
 )  # fmt: skip
 VEHICLE = _known(
     "arvi.Vehicle", timestamp=_TIME, id=_NUMBER, flight_state=_STRING, mode=_STRING, armed=_BOOLEAN, battery=_NUMBER,

@@ -84,14 +84,22 @@ class CommandClient:
         del self._pending[key]
         return CommandOutcome(ack.command, target, ack.result)
 
-    def poll(self, time_s: float) -> tuple[list[Command], list[CommandOutcome]]:
-        """The commands to send now, and those that nobody answered."""
+    def poll(self, time_s: float, heard_until_s: float | None = None) -> tuple[list[Command], list[CommandOutcome]]:
+        """The commands to send now, and those that nobody answered.
+
+        Args:
+            time_s: The present, s.
+            heard_until_s: Who reads late has taken the acknowledgements that arrived until then, s: a later one may
+                still be unread. The present unless given.
+        """
         due: list[Command] = []
         ended: list[CommandOutcome] = []
         for key, pending in list(self._pending.items()):
             if time_s < pending.next_attempt_s:
                 continue
             if pending.attempts >= self._attempts:
+                if heard_until_s is not None and heard_until_s < pending.next_attempt_s:
+                    continue
                 del self._pending[key]
                 ended.append(CommandOutcome(key[0], key[1], None))
                 continue

@@ -21,9 +21,19 @@ from typing import Protocol, cast
 
 from onboard.protocol.byte_links import SerialLink, TcpLink
 from onboard.protocol.framing import holds_message
-from onboard.protocol.link_url import LinkUrl, TransportError
+from onboard.protocol.link_url import DATAGRAM_KINDS, LinkUrl, TransportError
 
-__all__ = ["Address", "DatagramLink", "Link", "LinkUrl", "TransportError", "open_datagram_link", "open_link"]
+__all__ = [
+    "MAX_DATAGRAM_BYTES",
+    "Address",
+    "DatagramLink",
+    "Link",
+    "LinkUrl",
+    "TransportError",
+    "open_datagram_link",
+    "open_link",
+    "open_socket",
+]
 
 Address = tuple[str, int]
 
@@ -32,9 +42,6 @@ MAX_DATAGRAM_BYTES = 4096
 
 REMOTE_SILENT_S = 1.0
 """Silence of a remote after which an ``udpin`` link sends to somebody else, s."""
-
-_SO_RCVBUFFORCE = getattr(socket, "SO_RCVBUFFORCE", 33)
-"""Linux; elsewhere setting it fails."""
 
 _log = logging.getLogger(__name__)
 
@@ -70,14 +77,12 @@ class DatagramLink(asyncio.DatagramProtocol):
         self,
         url: LinkUrl,
         receive: Callable[[bytes], None] | None,
-        receive_from: Callable[[bytes, Address], None] | None,
     ) -> None:
         self.url = url
         self.bytes_sent = 0
         self.bytes_received = 0
         self.oversize = 0
         self._receive = receive
-        self._receive_from = receive_from
         self._transport: asyncio.DatagramTransport | None = None
         self._remote: Address | None = (url.host, url.port) if url.kind == "mcast" else None
         self._remote_heard_s = 0.0
@@ -89,22 +94,6 @@ class DatagramLink(asyncio.DatagramProtocol):
             return
         self.bytes_sent += len(data)
         self._transport.sendto(data, self._remote)
-
-    def send_to(self, data: bytes, address: Address) -> None:
-        """Send to one of several remotes of an ``udpin`` link."""
-        if self._transport is not None:
-            self.bytes_sent += len(data)
-            self._transport.sendto(data, address)
-
-    def widen(self, size_bytes: int) -> None:
-        """Let the system keep so much until it is read, as far as it allows: a team speaks at the same moments."""
-        if self._transport is None:
-            return
-        sock = self._transport.get_extra_info("socket")
-        try:
-            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size_bytes)
-        except OSError:  # only the privileged may exceed net.core.rmem_max
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size_bytes)
 
     @property
     def local_port(self) -> int:
@@ -138,8 +127,6 @@ class DatagramLink(asyncio.DatagramProtocol):
             self._hear_from(address, data)
         if self._receive is not None:
             self._receive(data)
-        if self._receive_from is not None:
-            self._receive_from(data, address)
 
     def _hear_from(self, address: Address, data: bytes) -> None:
         """Whom to answer: who speaks MAVLink here, and nobody who comes in between, or vehicles could be stolen."""
@@ -176,40 +163,62 @@ async def open_datagram_link(
     url: str,
     receive: Callable[[bytes], None] | None = None,
     *,
-    receive_from: Callable[[bytes, Address], None] | None = None,
     local: Address | None = None,
 ) -> DatagramLink:
-    """Open a UDP link; its callbacks run in the event loop, one call for each datagram.
+    """Open a UDP link; its callback runs in the event loop, one call for each datagram.
 
     Args:
         url: ``udpin:HOST:PORT``, ``udpout:HOST:PORT`` or ``mcast:GROUP:PORT``.
         receive: Called with each datagram.
-        receive_from: Called with each datagram and the address that it came from.
         local: Address to send from, for ``udpout`` only; any free port of the host by default.
 
     Raises:
         TransportError: The URL is malformed, the address in use or not to be had; the text says which.
     """
     parts = LinkUrl.parse(url)
+    link = DatagramLink(parts, receive)
+    sock = await open_socket(parts, local)
+    await asyncio.get_running_loop().create_datagram_endpoint(lambda: link, sock=sock)
+    return link
+
+
+async def open_socket(url: LinkUrl, local: Address | None = None) -> socket.socket:
+    """The UDP socket of a link: bound or connected, and non-blocking.
+
+    Args:
+        url: Of the kinds ``udpin``, ``udpout`` and ``mcast``.
+        local: Address to send from, for ``udpout`` only; any free port of the host by default.
+
+    Raises:
+        TransportError: It is of another kind, the address in use or not to be had; the text says which.
+    """
+    if url.kind not in DATAGRAM_KINDS:
+        raise TransportError(f"{url}: a UDP link is needed here")
     loop = asyncio.get_running_loop()
-    link = DatagramLink(parts, receive, receive_from)
     try:
-        if parts.kind == "udpin":
-            await loop.create_datagram_endpoint(lambda: link, local_addr=(parts.host, parts.port))
-        elif parts.kind == "udpout":
-            await loop.create_datagram_endpoint(lambda: link, remote_addr=(parts.host, parts.port), local_addr=local)
-        elif parts.kind == "mcast":
-            await loop.create_datagram_endpoint(lambda: link, sock=_multicast_socket(parts))
-        else:
-            raise TransportError(f"{url}: a UDP link is needed here")
+        if url.kind == "mcast":
+            return _multicast_socket(url)
+        family, _, _, _, address = (await loop.getaddrinfo(url.host, url.port, type=socket.SOCK_DGRAM))[0]
+        sock = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            sock.setblocking(False)
+            if url.kind == "udpin":
+                sock.bind(address)
+            else:
+                if local is not None:
+                    sock.bind(local)
+                sock.connect(address)  # at once, for UDP: it only sets the address
+        except OSError:
+            sock.close()
+            raise
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            port = local[1] if local is not None else parts.port
+            port = local[1] if local is not None else url.port
             reason = f"UDP port {port} is in use by another program; is a second copy running?"
         else:
             reason = error.strerror or str(error)
         raise TransportError(f"{url}: {reason}") from None
-    return link
+    return sock
 
 
 def _multicast_socket(url: LinkUrl) -> socket.socket:

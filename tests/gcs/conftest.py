@@ -150,7 +150,10 @@ class FakeLink:
         self._team = team
         self._codec = Codec(1, 1)
 
-    def send_to(self, frame: bytes, address: object) -> None:
+    def read(self) -> bool:
+        return True
+
+    def send(self, frame: bytes, address: object = None) -> None:
         for message in self._codec.decode(frame):
             if hasattr(message, "target_system"):
                 self._team.command(message)
@@ -176,11 +179,11 @@ def fly_virtually(folder: Path) -> Flown:
     team = VirtualTeam(scenario, seed=3, plan_nodes=80)
     director = MissionDirector(scenario.mission.step_s, scenario.mission.takeoff_time_s, MISSION_S)
     recorder: Recorder = record_flight(folder, LAB, scenario, {"scenario": "lab", "seed": 3}, 100)
-    station = GroundStation(scenario, director=director, recorder=recorder, clock=lambda: team.time_s)
-
+    clock = lambda: team.time_s  # noqa: E731
+    station = GroundStation(scenario, director=director, recorder=recorder, clock=clock, steady=clock)
     station.switchboard.attach(TEAM, FakeLink(team))
     team.on_ground_message = lambda heard: station.switchboard.receive(
-        TEAM, bytes(heard.message.get_msgbuf()), ("virtual", 1)
+        TEAM, bytes(heard.message.get_msgbuf()), ("virtual", 1), team.time_s
     )
     watching = Watching()
     display = RecordedDisplay(watching, recorder)

@@ -41,22 +41,22 @@ def signed(config: Path, system: int = 1) -> Codec:
 
 def test_only_the_teams_key_opens_the_way_to_an_onboard_process(station: GroundStation, config: Path) -> None:
     board, receive = station.switchboard, station.switchboard.receive
-    receive(TEAM, Codec(1, 191).encode(HEARTBEAT), THIEF)
+    receive(TEAM, Codec(1, 191).encode(HEARTBEAT), THIEF, NOW)
     assert board.heard() == set()
     genuine = signed(config).encode(HEARTBEAT)
-    receive(TEAM, genuine, ADDRESS)
+    receive(TEAM, genuine, ADDRESS, NOW)
     assert board.router.team_port((1, 191)).address == ADDRESS
-    receive(TEAM, genuine, THIEF)
+    receive(TEAM, genuine, THIEF, NOW)
     assert board.router.team_port((1, 191)).address == ADDRESS, "a replay does not redirect the commands"
 
 
 def test_an_autopilot_needs_no_key(station: GroundStation) -> None:
-    station.switchboard.receive(TEAM, Codec(1, 1).encode(HEARTBEAT), ADDRESS)
+    station.switchboard.receive(TEAM, Codec(1, 1).encode(HEARTBEAT), ADDRESS, NOW)
     assert station.switchboard.heard() == {(1, 1)}
 
 
 def test_the_operator_is_told_who_knocked(station: GroundStation, config: Path) -> None:
-    station.switchboard.receive(TEAM, Codec(1, 191).encode(HEARTBEAT), THIEF)
+    station.switchboard.receive(TEAM, Codec(1, 191).encode(HEARTBEAT), THIEF, NOW)
     station._next_heartbeat_s = 0.0
     station.tick()
     events = station.team.take_events()
@@ -73,12 +73,12 @@ def test_without_a_signature_only_the_short_list_is_heard(station: GroundStation
     """The team's vehicles but for their onboard processes, and the bridge; a stranger's heartbeat is not even told."""
     board = station.switchboard
     for system, component in ((1, 1), (2, 154), (250, 1), (254, 190), (77, 1)):
-        board.receive(TEAM, Codec(system, component).encode(HEARTBEAT), (ADDRESS[0], 40000 + system))
+        board.receive(TEAM, Codec(system, component).encode(HEARTBEAT), (ADDRESS[0], 40000 + system), NOW)
     assert board.heard() == {(1, 1), (2, 154), (250, 1)}
     station._next_heartbeat_s = 0.0
     station.tick()
     assert not any("refused" in event.text for event in station.team.take_events())
-    board.receive(TEAM, Codec(77, 1).encode(mavlink.MAVLink_statustext_message(4, b"text", 0, 0)), THIEF)
+    board.receive(TEAM, Codec(77, 1).encode(mavlink.MAVLink_statustext_message(4, b"text", 0, 0)), THIEF, NOW)
     station._next_heartbeat_s = 0.0
     station.tick()
     assert any("1 frames refused" in event.text for event in station.team.take_events())
@@ -95,7 +95,7 @@ def test_the_key_is_in_no_recording_and_no_log(config: Path, tmp_path: Path, cap
     offer = mavlink.MAVLink_setup_signing_message(1, 191, list(secret), 0)
     for codec in (Codec(1, 1), signed(config)):
         for message in (HEARTBEAT, offer):
-            station.switchboard.receive(TEAM, codec.encode(message), ADDRESS)
+            station.switchboard.receive(TEAM, codec.encode(message), ADDRESS, NOW)
     recorder.close()
     written = [path for path in folder.rglob("*") if path.is_file()]
     assert any(path.suffix == ".tlog" and path.stat().st_size > 0 for path in written)

@@ -5,6 +5,7 @@ import pytest
 from gcs.mission import HURRIED, MissionDirector, Phase
 from gcs.operator_desk import Action, Order, Outcome
 from gcs.recording.recorder import Recorder
+from gcs.recording.tlog import read_tlog
 from gcs.router import TEAM
 from gcs.station import GroundStation
 from onboard.config import load_scenario
@@ -25,7 +26,10 @@ class Loopback:
         self.sent = []
         self._codec = Codec(1, 1)
 
-    def send_to(self, data, address):
+    def read(self):
+        return True
+
+    def send(self, data, address=None):
         (message,) = self._codec.decode(data)
         self.sent.append((address, message))
 
@@ -54,7 +58,7 @@ class Remote:
 
     def say(self, *messages):
         data = b"".join(self.codec.encode(message) for message in messages)
-        self.station.switchboard.receive(self.link, data, self.address)
+        self.station.switchboard.receive(self.link, data, self.address, self.station._clock())
 
 
 @pytest.fixture
@@ -65,7 +69,7 @@ def clock():
 @pytest.fixture
 def station(scenario, clock, monkeypatch):
     director = MissionDirector(scenario.mission.step_s, scenario.mission.takeoff_time_s, 60.0)
-    station = GroundStation(scenario, director=director, clock=clock)
+    station = GroundStation(scenario, director=director, clock=clock, steady=clock)
     station.switchboard.attach(TEAM, Loopback())
     station.loop = station.switchboard._links[TEAM]
     return station
@@ -168,7 +172,7 @@ def test_refusals_and_silence_are_visible(station, remotes, stand_by, clock):
 
 def test_every_frame_is_recorded_by_link(scenario, clock, tmp_path, heartbeat):
     recorder = Recorder(tmp_path)
-    station = GroundStation(scenario, recorder=recorder, clock=clock)
+    station = GroundStation(scenario, recorder=recorder, clock=clock, steady=clock)
     station.switchboard.attach(TEAM, Loopback())
     station.loop = station.switchboard._links[TEAM]
     attitude = mavlink.MAVLink_attitude_message(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -188,7 +192,7 @@ def test_every_frame_is_recorded_by_link(scenario, clock, tmp_path, heartbeat):
 
 def test_garbage_and_crowds_of_strangers_are_survived(station, heartbeat, remotes):
     for data in (b"\x00\xfd\xff garbage", b""):
-        station.switchboard.receive(TEAM, data, ("127.0.0.1", 1))
+        station.switchboard.receive(TEAM, data, ("127.0.0.1", 1), T0)
     for system in range(50, 250):
         Remote(station, system, 33, 40000).say(heartbeat())
     remotes[3, 1].say(heartbeat(armed=True))
@@ -242,3 +246,163 @@ def test_a_vehicle_that_the_operator_landed_is_not_started_again(station, remote
         clock.now_s += 0.1
     assert {m.target_system for _, m in station.loop.take("COMMAND_INT")} == {2, 3}
     assert station.director.phase is not Phase.LANDING
+
+
+class Late:
+    """Reads the team's link late: what arrives waits, as in the system's buffer, until the station looks."""
+
+    def __init__(self, station, clock):
+        self.station, self.clock, self.waiting, self.per_read = station, clock, [], None
+        station.loop.read = self.read
+
+    def arrive(self, system, component, *messages):
+        data = b"".join(Codec(system, component).encode(message) for message in messages)
+        self.waiting.append((data, ("127.0.0.1", 1000 * component + system), self.clock.now_s))
+
+    def beat(self, heartbeat, seconds, systems=(1, 2, 3), **changes):
+        """A second of the team's heartbeats after the other, and nobody looks."""
+        for _ in range(seconds):
+            self.clock.now_s += 1.0
+            for system in systems:
+                self.arrive(system, 1, heartbeat(**changes))
+                self.arrive(system, 191, ONBOARD_HEARTBEAT)
+
+    def read(self):
+        now, self.waiting = self.waiting[: self.per_read], self.waiting[self.per_read :] if self.per_read else []
+        for item in now:
+            self.station.switchboard.receive(TEAM, *item)
+        return not self.waiting
+
+    def tick(self, count=1):
+        for _ in range(count):
+            self.station.tick()
+            self.clock.now_s += 0.1
+
+    def texts(self):
+        return [(event.source, event.text) for event in self.station.team.take_events()]
+
+
+ONBOARD_HEARTBEAT = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3)
+
+
+@pytest.fixture
+def late(scenario, clock):
+    station = GroundStation(scenario, clock=clock, steady=lambda: clock.now_s)
+    station.loop = Loopback()
+    station.switchboard.attach(TEAM, station.loop)
+    return Late(station, clock)
+
+
+def test_a_station_that_stood_still_calls_nobody_silent_who_spoke_meanwhile(late, heartbeat):
+    late.beat(heartbeat, 2)
+    late.tick()
+    late.beat(heartbeat, 20)
+    late.tick(30)
+    assert late.texts() == [
+        ("ground", "ground station is 20 s behind: what it shows is old"),
+        ("ground", "ground station has caught up; it was up to 20 s behind"),
+    ]
+
+
+def test_a_station_that_stood_still_tells_who_fell_silent_and_who_came_back_meanwhile(late, heartbeat):
+    late.beat(heartbeat, 2)
+    late.tick()
+    late.beat(heartbeat, 10, systems=(1, 2))
+    late.beat(heartbeat, 3)
+    late.beat(heartbeat, 6, systems=(1, 3))
+    late.tick()
+    told = [(source, text) for source, text in late.texts() if source != "ground"]
+    assert told == [
+        ("vehicle 3", "autopilot is silent: no heartbeat for 5.1 s"),
+        ("vehicle 3", "onboard process is silent: no heartbeat for 5.1 s"),
+        ("vehicle 3", "autopilot is heard again"),
+        ("vehicle 3", "onboard process is heard again"),
+        ("vehicle 2", "autopilot is silent: no heartbeat for 5.0 s"),
+        ("vehicle 2", "onboard process is silent: no heartbeat for 5.0 s"),
+    ]
+    team = late.station.team.state(late.clock.now_s)
+    assert [vehicle.onboard_alive for vehicle in team.vehicles] == [True, False, True]
+
+
+def test_while_it_is_behind_it_shows_the_team_as_it_was_and_says_so(late, heartbeat):
+    late.tick()
+    late.beat(heartbeat, 30, mode=0x00060000)
+    late.per_read = 6  # a second of what waits, each time that it looks
+    late.tick(3)
+    team = late.station.team.state(late.clock.now_s)
+    assert team.behind_s == pytest.approx(30.0, abs=1.0)
+    assert [vehicle.autopilot_age_s for vehicle in team.vehicles] == [0.0] * 3
+    assert not [text for source, text in late.texts() if "silent" in text]
+    late.tick(60)
+    assert late.station.team.state(late.clock.now_s).behind_s is None
+    assert late.station.team.state(late.clock.now_s).vehicle(1).autopilot_age_s > 4.5, "and now it is"
+
+
+def test_what_the_system_had_no_room_for_is_neither_silence_nor_a_lossy_link(late, heartbeat):
+    late.beat(heartbeat, 2)
+    late.tick()
+    late.beat(heartbeat, 5)
+    waiting = late.waiting
+    late.beat(heartbeat, 60)
+    late.waiting = waiting
+    late.read()
+    late.station._missed(360, late.clock.now_s)
+    late.arrive(1, 1, heartbeat())
+    late.tick(10)
+    assert not [text for source, text in late.texts() if "silent" in text]
+    assert late.station.team.state(late.clock.now_s).vehicle(1).link.lost == 0
+    late.tick(40)
+    assert {source for source, text in late.texts() if "silent" in text} == {"vehicle 1", "vehicle 2", "vehicle 3"}
+
+
+def test_a_computer_that_slept_waits_anew_for_who_was_heard_before(scenario, clock, heartbeat):
+    awake_s = [0.0]
+    station = GroundStation(scenario, clock=clock, steady=lambda: awake_s[0])
+    station.loop = Loopback()
+    station.switchboard.attach(TEAM, station.loop)
+    late = Late(station, clock)
+    late.beat(heartbeat, 2)
+    awake_s[0] += 2.0
+    late.tick()
+    awake_s[0] += 0.1
+    late.arrive(2, 1, heartbeat())  # unread when the lid is shut
+    clock.now_s += 3600.0
+    for _ in range(40):
+        late.arrive(1, 191, ONBOARD_HEARTBEAT)
+        late.tick()
+        awake_s[0] += 0.1
+    assert [text for _, text in late.texts()] == [
+        "this computer slept, or its clock was set ahead, by 3600 s: nobody is called silent for that time"
+    ]
+    for _ in range(20):
+        late.tick()
+        awake_s[0] += 0.1
+    assert ("vehicle 2", "autopilot is silent: no heartbeat for 4.6 s") in late.texts()
+
+
+def test_an_acknowledgement_that_waits_unread_is_no_silence(late, heartbeat):
+    late.beat(heartbeat, 1)
+    late.tick()
+    late.station.desk.submit(Order(Action.PAUSE, (2,)))
+    late.tick(24)
+    late.beat(heartbeat, 2)
+    late.per_read = 1
+    late.arrive(2, 191, ack(mavlink.MAV_CMD_DO_PAUSE_CONTINUE))
+    late.tick(11)
+    assert [record.outcome for record in late.station.desk.records] == [Outcome.SENT]
+    late.tick(3)
+    assert [record.outcome for record in late.station.desk.records] == [Outcome.ACKNOWLEDGED]
+
+
+def test_frames_are_recorded_by_when_they_arrived(scenario, clock, tmp_path, heartbeat):
+    recorder = Recorder(tmp_path)
+    station = GroundStation(scenario, recorder=recorder, clock=clock, steady=clock)
+    station.loop = Loopback()
+    station.switchboard.attach(TEAM, station.loop)
+    late = Late(station, clock)
+    late.tick()
+    late.beat(heartbeat, 30, systems=(1,))
+    late.tick()
+    recorder.close()
+    times = [usec / 1e6 for usec, _ in read_tlog(tmp_path / "vehicle1_onboard.tlog")]
+    assert times[:30] == pytest.approx([T0 + 0.1 + second for second in range(1, 31)])

@@ -1,6 +1,7 @@
 """The picture and the lines, as text of a given size."""
 
 import io
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -10,7 +11,7 @@ from gcs.arena_map import ArenaMap
 from gcs.metrics import Estimate, MetricsFigures, TargetState
 from gcs.session import WATCHING
 from gcs.team import Event, TeamMonitor, TeamState
-from gcs.terminal import LineDisplay, LiveDisplay, open_display, render_team
+from gcs.terminal import LineDisplay, LiveDisplay, open_display, progress_line, render_team
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
@@ -91,6 +92,13 @@ def test_a_silent_onboard_process_is_seen(team, scenario):
     ]
     text = "\n".join(picture(TeamState(T0, tuple(aged), (), 5, team.figures, T0), scenario))
     assert text.count("silent") == 3
+
+
+def test_a_station_that_is_behind_says_so_in_both_kinds_of_output(team, scenario):
+    late = replace(team, behind_s=12.3)
+    text = "\n".join(lines_of(render_team(late, ArenaMap(scenario, 48, 12), [], "arvi", "flying", 42.0), 100))
+    assert "ground station is 12 s behind" in text
+    assert "GROUND STATION IS 12 S BEHIND" in progress_line(late, "flying", None)
 
 
 def test_the_map_has_north_up_and_east_to_the_right(team, scenario):

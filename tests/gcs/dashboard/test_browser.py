@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from gcs.commands import ONBOARD
-from gcs.dashboard.board import DashboardFeed
+from gcs.dashboard.board import Board, DashboardFeed
 from gcs.dashboard.server import Address, find_port, serve_dashboard
 from gcs.operator_desk import Action, OperatorDesk, Way, command_for
 from onboard.protocol import dialect as mavlink
@@ -35,10 +35,14 @@ class Flight:
     orders: list = field(default_factory=list)
     result: int | None = 0
     over: threading.Event = field(default_factory=threading.Event)
+    stopped: bool = False
+    server_stopped: bool = False
 
     def fly(self) -> None:
         while not self.over.wait(0.1):
             now_s = time.time()
+            if self.stopped:
+                continue
             # Beliefs and plans hold at steps of 0.5 s.
             self.team.speak(now_s - now_s % 0.5 if now_s % 0.5 < 0.1 else now_s, targets=5)
             state = self.team.monitor.state(now_s)
@@ -63,7 +67,14 @@ def flight(scenario, make_team):
     feed = DashboardFeed(desk)
     address = find_port("127.0.0.1", 5300)
     flight = Flight(make_team(scenario), desk, feed, address)
-    with serve_dashboard(scenario, feed, address):
+
+    class StoppableBoard(Board):
+        def refresh(self) -> None:
+            while flight.server_stopped:
+                time.sleep(0.1)
+            super().refresh()
+
+    with serve_dashboard(scenario, feed, address, StoppableBoard):
         thread = threading.Thread(target=flight.fly)
         thread.start()
         yield flight
@@ -152,6 +163,21 @@ def test_the_table_moves_on_and_a_dead_vehicle_turns_red_within_five_seconds(pag
     page.get_by_text("vehicle 2 silent").wait_for()
     flight.team.dead.clear()
     page.locator("tr[data-vehicle='2']:not(.silent)").wait_for()
+
+
+def test_what_is_old_is_said_to_be_old_whoever_stopped(page, flight):
+    """The flight's side behind a server that lives, then the whole ground station, as with SIGSTOP."""
+    late = page.get_by_text("s behind: what you see is old")
+    flight.stopped = True
+    late.wait_for()
+    flight.stopped = False
+    late.wait_for(state="hidden")
+    stale = page.get_by_text("Nothing has come from the ground station for")
+    assert not stale.is_visible()
+    flight.server_stopped = True
+    stale.wait_for()
+    flight.server_stopped = False
+    stale.wait_for(state="hidden")
 
 
 def test_a_reload_in_flight_recovers_with_its_history(page, flight):

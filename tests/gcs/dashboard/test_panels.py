@@ -99,6 +99,9 @@ def test_the_headline_counts_and_warns(fake_team):
     assert "left 12 s" in text
     assert "vehicle 1, 2, 3 silent" in text
     assert "waiting" in panels.headline(None, "<b>")
+    assert "ground station is 12 s behind: what you see is old" in panels.headline(
+        Moment(state, "flying", None, ()), "ARVI", 12.3
+    )
 
 
 def record(outcome, result="", ended_s=None):
