@@ -9,18 +9,19 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gcs.arguments import refuse
 from gcs.choices import AutopilotFamily, AutopilotLink
+from gcs.exit_codes import EXIT_BAD_INPUT
 
 if TYPE_CHECKING:
     from sim_bridge.conformance import Plan, Session
 
 __all__ = ["conformance"]
 
-_BAD_INPUT = 2
 _SIMULATED = "simulated:"
 
 
@@ -79,9 +80,9 @@ def conformance(
     Exits with 0 when all that was performed holds, 1 when something differs, 2 when nothing could be performed.
     """
     if not math.isfinite(latency):
-        _refuse(f"--latency {latency}: a time in seconds is needed")
+        refuse(f"arvi conformance: --latency {latency}: a time in seconds is needed")
     if json_file is not None and not json_file.parent.is_dir():
-        _refuse(f"--json {json_file}: the folder {json_file.parent} does not exist")
+        refuse(f"arvi conformance: --json {json_file}: the folder {json_file.parent} does not exist")
     from gcs.conformance_table import Progress, print_entries, print_summary
     from gcs.output import open_console
     from sim_bridge.conformance import Family, Link, Outcome, Plan, Position, load_catalogue, select
@@ -93,7 +94,8 @@ def conformance(
     plan = Plan(Link(link), position, tuple(only or ()), fly=fly, dangerous=dangerous, latency_s=latency)
     families = [family] if family is not None else list(Family)
     if not any(select(load_catalogue(known), plan) for known in families):
-        _refuse(f"--only {' '.join(plan.only)}: no entry of this name; arvi conformance {url} --list shows them")
+        names = " ".join(plan.only)
+        refuse(f"arvi conformance: --only {names}: no entry of this name; arvi conformance {url} --list shows them")
     console = open_console()
     if list_only:
         for known in families:
@@ -106,10 +108,10 @@ def conformance(
         try:
             json_file.write_text(json.dumps(document(url, session), indent=1), encoding="utf-8")
         except OSError as error:
-            _refuse(f"--json {json_file}: {error.strerror or error}")
+            refuse(f"arvi conformance: --json {json_file}: {error.strerror or error}")
     performed = [result for result in session.results if result.outcome is not Outcome.SKIPPED]
     if not performed:
-        raise typer.Exit(_BAD_INPUT)
+        raise typer.Exit(EXIT_BAD_INPUT)
     failed = bool(session.problem) or any(result.outcome is Outcome.DIFFERS for result in performed)
     raise typer.Exit(1 if failed else 0)
 
@@ -148,7 +150,7 @@ def _perform(url: str, plan: Plan, family: Any, system: int | None, progress: An
     try:
         return asyncio.run(perform(url, plan, family, system, progress.update))
     except ConformanceError as error:
-        _refuse(str(error))
+        refuse(f"arvi conformance: {error}")
 
 
 def _simulated_family(url: str, family: Any) -> Any:
@@ -156,12 +158,7 @@ def _simulated_family(url: str, family: Any) -> Any:
 
     name = url.removeprefix(_SIMULATED)
     if name not in list(Family):
-        _refuse(f"{url}: simulated:px4 and simulated:ardupilot there are")
+        refuse(f"arvi conformance: {url}: simulated:px4 and simulated:ardupilot there are")
     if family not in (None, Family(name)):
-        _refuse(f"--autopilot {family}: {url} is another one")
+        refuse(f"arvi conformance: --autopilot {family}: {url} is another one")
     return Family(name)
-
-
-def _refuse(text: str) -> NoReturn:
-    typer.echo(f"arvi conformance: {text}", err=True)
-    raise typer.Exit(_BAD_INPUT)

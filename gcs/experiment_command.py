@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-__all__ = ["experiment"]
+from gcs.arguments import refuse
 
-EXIT_BAD_INPUT = 2
+__all__ = ["experiment"]
 
 _PACKAGES = ("distributed", "pyarrow", "scipy")
 
@@ -56,10 +55,7 @@ def experiment(
     """
     missing = [package for package in _PACKAGES if find_spec(package) is None]
     if missing:
-        sys.stderr.write(
-            f"arvi experiment needs {', '.join(missing)}, from: pip install 'arvi-flight-stack[experiments]'\n"
-        )
-        raise typer.Exit(EXIT_BAD_INPUT)
+        refuse(f"arvi experiment needs {', '.join(missing)}, from: pip install 'arvi-flight-stack[experiments]'")
     from gcs.experiment_run import ExperimentOptions, run_experiment  # noqa: PLC0415 - seconds of imports
 
     raise typer.Exit(

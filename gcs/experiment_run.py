@@ -23,6 +23,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from gcs.exit_codes import EXIT_BAD_INPUT, EXIT_FAILED, EXIT_INTERRUPTED
 from gcs.experiment_flight import fly_trial
 from gcs.output import open_console
 from gcs.version import program_version
@@ -37,10 +38,6 @@ from sim_bridge.experiments.store import ResultFolder
 from sim_bridge.figure_files import save
 
 __all__ = ["ExperimentOptions", "run_experiment"]
-
-EXIT_FAILED = 1
-EXIT_BAD_INPUT = 2
-EXIT_INTERRUPTED = 130
 
 _FRAMES = 150
 """A film has at most so many."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-__all__ = ["keygen"]
+from gcs.arguments import refuse
 
-EXIT_BAD_INPUT = 2
+__all__ = ["keygen"]
 
 
 def keygen(
@@ -33,6 +32,5 @@ def keygen(
     try:
         write_new_key(path)
     except SigningError as error:
-        sys.stderr.write(f"{error}\n")
-        raise typer.Exit(EXIT_BAD_INPUT) from None
+        refuse(str(error))
     typer.echo(f"{path}: a new key, mode 0600. Name it in the scenario as  signing: {{key_file: {path.name}}}")

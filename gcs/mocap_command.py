@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import sys
 import time
 from collections import deque
 from collections.abc import Callable
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gcs.arguments import load, refuse
 from gcs.checks import Check, Outcome
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MocapView", "look_at_mocap", "mocap"]
 
-_BAD_INPUT = 2
 _WINDOW_S = 2.0
 _GOOD_SHARE = 0.7
 """Of mocap.rate_hz."""
@@ -116,16 +115,9 @@ def mocap(
 
     **Example**: `arvi mocap lab.yaml`, then carry a vehicle north, east and up, and turn it.
     """
-    from onboard.config import ConfigError, load_scenario  # noqa: PLC0415
-
-    try:
-        scenario = load_scenario(config)
-    except ConfigError as error:
-        sys.stderr.write(f"{error}\n")
-        raise typer.Exit(_BAD_INPUT) from None
+    scenario = load(config)
     if scenario.mocap is None:
-        sys.stderr.write(f"{config}: has no section mocap, so there is no system to look at (docs/mocap.md)\n")
-        raise typer.Exit(_BAD_INPUT)
+        refuse(f"{config}: has no section mocap, so there is no system to look at (docs/mocap.md)")
     try:
         asyncio.run(_look(scenario, duration))
     except KeyboardInterrupt:

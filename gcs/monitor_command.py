@@ -6,6 +6,7 @@ import asyncio
 import sys
 import time
 
+from gcs.exit_codes import EXIT_BAD_INPUT
 from gcs.joining import joined_station, open_or_join
 from gcs.output import open_console
 from gcs.session import StopRequests, run_session
@@ -15,8 +16,6 @@ from onboard.errors import OnboardError
 from onboard.protocol import dialect as mavlink
 
 __all__ = ["run_monitor"]
-
-_FAILED = 2
 
 
 def run_monitor(scenario: Scenario, via: str | None, *, headless: bool) -> int:
@@ -31,7 +30,7 @@ def run_monitor(scenario: Scenario, via: str | None, *, headless: bool) -> int:
         asyncio.run(_watch(scenario, via, headless=headless))
     except OnboardError as error:
         sys.stderr.write(f"{error}\n")
-        return _FAILED
+        return EXIT_BAD_INPUT
     return 0
 
 

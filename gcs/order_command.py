@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 from rich.table import Table
 
+from gcs.exit_codes import EXIT_BAD_INPUT, EXIT_FAILED
 from gcs.joining import joined_station, open_or_join
 from gcs.operator_desk import Action, CommandRecord, OperatorDesk, Order, Outcome, refusal_reason
 from gcs.output import open_console
@@ -36,8 +37,6 @@ _MAVSDK_WITHIN_S = 4.0
 _ENDED_WITHIN_S = 12.0
 _REASONS_WITHIN_S = 0.6
 _TICK_S = 0.05
-_FAILED = 1
-_BAD_INPUT = 2
 
 
 def run_order(scenario: Scenario, action: Action, vehicles: Sequence[int], via: str | None) -> int:
@@ -53,14 +52,14 @@ def run_order(scenario: Scenario, action: Action, vehicles: Sequence[int], via: 
         records, events = asyncio.run(_order(scenario, Order(action, tuple(vehicles)), via))
     except OnboardError as error:
         sys.stderr.write(f"{error}\n")
-        return _BAD_INPUT
+        return EXIT_BAD_INPUT
     table = Table(box=None, show_header=False, pad_edge=False)
     for record in records:
         reason = refusal_reason(record, reversed(events)) or record.result
         words = record.outcome.value if record.outcome is Outcome.ACKNOWLEDGED else f"{record.outcome.value}: {reason}"
         table.add_row(f"vehicle {record.vehicle}", f"{record.action.value.lower()} ({record.to})", words)
     open_console().print(table)
-    return 0 if records and all(record.outcome is Outcome.ACKNOWLEDGED for record in records) else _FAILED
+    return 0 if records and all(record.outcome is Outcome.ACKNOWLEDGED for record in records) else EXIT_FAILED
 
 
 async def _order(scenario: Scenario, order: Order, via: str | None) -> tuple[tuple[CommandRecord, ...], list[Event]]:

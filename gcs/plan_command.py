@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gcs.arguments import refuse
+
 if TYPE_CHECKING:
     from onboard.planning.plan import Plan, Progress
     from onboard.planning.planner import Planner
@@ -23,7 +25,6 @@ __all__ = ["Algorithm", "plan", "plan_document"]
 
 _DEFAULT_TIME_S = 0.5
 _MAX_TIME_S = 3600.0
-_BAD_INPUT = 2
 _NODES_PER_S = 10_000_000  # more than any machine makes
 _SMALLEST_NODE_LIMIT = 100_000
 _LARGEST_NODE_LIMIT = 8_000_000
@@ -57,7 +58,7 @@ def plan(
         planner = _make_planner(time_s, nodes)
         found = _search(planner, loaded, algorithm, time_s, nodes, epsilon or 0.0, delta or 0.0)
     except (ProblemFileError, ValueError) as error:
-        _fail(str(error))
+        refuse(f"arvi plan: {error}")
     if plot is not None:
         _draw(loaded, found, planner, plot)
     typer.echo(json.dumps(plan_document(found), indent=1, allow_nan=False))
@@ -162,9 +163,4 @@ def _draw(problem: Problem, found: Plan, planner: Planner, path: Path) -> None:
     try:
         draw_plan(problem, found, planner.open_segments(), path)
     except OSError as error:
-        _fail(f"--plot: {path}: {error.strerror or error}")
-
-
-def _fail(message: str) -> None:
-    typer.echo(f"arvi plan: {message}", err=True)
-    raise typer.Exit(_BAD_INPUT)
+        refuse(f"arvi plan: --plot: {path}: {error.strerror or error}")

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gcs.arguments import Config, load, vehicles_of
 from gcs.checks import Check, Outcome, check_document, is_go
+from gcs.exit_codes import EXIT_FAILED
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -23,8 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["PreflightReport", "preflight", "report_document"]
 
-_NO_GO = 1
-_BAD_INPUT = 2
 _MOCAP_S = 8.0
 """A reader needs a second or two to connect."""
 
@@ -73,7 +73,7 @@ class PreflightReport:
 
 
 def preflight(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="Scenario file, e.g. configs/lab.yaml.")],
+    config: Config,
     vehicle: Annotated[
         int | None,
         typer.Option(metavar="N", help="Only this vehicle, as on its companion; all of the scenario's otherwise."),
@@ -103,21 +103,12 @@ def preflight(
     Exits with 0 for go, 1 for no-go, 2 for bad input.
     """
     from gcs import host_checks  # noqa: PLC0415
-    from onboard.config import ConfigError, load_scenario  # noqa: PLC0415
 
-    try:
-        scenario = load_scenario(config)
-    except ConfigError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(_BAD_INPUT) from None
-    known = [configured.id for configured in scenario.vehicles]
-    if vehicle is not None and vehicle not in known:
-        ids = ", ".join(str(identity) for identity in known)
-        typer.echo(f"--vehicle {vehicle}: no such vehicle in {config}; it has {ids}", err=True)
-        raise typer.Exit(_BAD_INPUT)
+    scenario = load(config)
+    ids = vehicles_of(scenario, config, () if vehicle is None else (vehicle,))
     # Compiling keeps a core busy and would spoil the rates that are measured meanwhile.
     computer = host_checks.judge(scenario, host_checks.look(scenario, record))
-    mocap, vehicles = asyncio.run(_look_outside(scenario, known if vehicle is None else [vehicle], mend=mend))
+    mocap, vehicles = asyncio.run(_look_outside(scenario, ids, mend=mend))
     report = PreflightReport(tuple(computer), tuple(mocap), tuple(vehicles))
     if as_json:
         typer.echo(json.dumps(report_document(report), indent=1, allow_nan=False))
@@ -127,7 +118,7 @@ def preflight(
         console = open_console()
         for part in _render(report):
             console.print(part)
-    raise typer.Exit(0 if report.go else _NO_GO)
+    raise typer.Exit(0 if report.go else EXIT_FAILED)
 
 
 async def _look_outside(

@@ -6,14 +6,14 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-__all__ = ["compare", "replay", "report"]
+from gcs.arguments import refuse
+from gcs.exit_codes import EXIT_FAILED
 
-EXIT_FAILED = 1
-EXIT_BAD_INPUT = 2
+__all__ = ["compare", "replay", "report"]
 
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A recording, e.g. flights/lab-20260131-120000.")]
 
@@ -31,11 +31,13 @@ def replay(
     **Example**: `arvi replay flights/lab-20260131-120000 --speed 5`
     """
     from gcs.dashboard.board import DashboardFeed
+    from gcs.dashboard.player_bar import PlayerBar
+    from gcs.dashboard.replay_board import ReplayBoard
     from gcs.dashboard.server import find_port, serve_dashboard
     from gcs.errors import GroundError
     from gcs.operator_desk import OperatorDesk
     from gcs.output import open_console
-    from gcs.recording.player import Player, ReplayBoard
+    from gcs.recording.player import Player
     from gcs.recording.reader import open_recording
 
     console = open_console()
@@ -43,16 +45,18 @@ def replay(
         recording = open_recording(folder)
         feed = DashboardFeed(OperatorDesk())
         address = find_port(dashboard_host, dashboard_port)
+        player = Player(recording, speed)
         with serve_dashboard(
-            recording.scenario, feed, address, lambda _, feed: ReplayBoard(feed, Player(recording, speed))
+            recording.scenario, feed, address, lambda _, feed: ReplayBoard(feed, player), lambda: PlayerBar(player)
         ):
             length = f"{recording.end_s - recording.start_s:.0f} s of {recording.scenario.name}"
             console.print(f"replay: {address.entrance} ({length}; Ctrl-C ends it)", highlight=False, soft_wrap=True)
             while feed.failure is None:
                 time.sleep(0.2)
-            _end(EXIT_FAILED, f"the replay ended: {feed.failure}")
+            sys.stderr.write(f"the replay ended: {feed.failure}\n")
+            raise typer.Exit(EXIT_FAILED)
     except GroundError as error:
-        _end(EXIT_BAD_INPUT, str(error))
+        refuse(str(error))
     except KeyboardInterrupt:
         console.print("ended")
 
@@ -77,7 +81,7 @@ def report(
     try:
         figures = write_report(read_series(open_recording(folder)), path)
     except GroundError as error:
-        _end(EXIT_BAD_INPUT, str(error))
+        refuse(str(error))
     typer.echo(f"report: {path}\nfigures as PNG and SVG: {figures}")
 
 
@@ -97,14 +101,9 @@ def compare(
     from gcs.reports.flight_series import read_series
 
     if len(folders) < 2:
-        _end(EXIT_BAD_INPUT, "one recording alone cannot be compared; `arvi report FOLDER` describes it")
+        refuse("one recording alone cannot be compared; `arvi report FOLDER` describes it")
     try:
         figures = write_comparison([read_series(open_recording(folder)) for folder in folders], output)
     except GroundError as error:
-        _end(EXIT_BAD_INPUT, str(error))
+        refuse(str(error))
     typer.echo(f"comparison: {output}\nfigures as PNG and SVG: {figures}")
-
-
-def _end(code: int, text: str) -> NoReturn:
-    sys.stderr.write(f"{text}\n")
-    raise typer.Exit(code)

@@ -13,6 +13,7 @@ from pathlib import Path
 from gcs import summary
 from gcs.dashboard.start import DashboardOptions, OpenDashboard, open_dashboard
 from gcs.errors import GroundError
+from gcs.exit_codes import EXIT_BAD_INPUT, EXIT_FAILED
 from gcs.folder import run_folder
 from gcs.launcher import FlightOptions, fly
 from gcs.mission import MissionDirector
@@ -27,9 +28,6 @@ from onboard.config import Scenario
 from onboard.errors import OnboardError
 
 __all__ = ["RecordingOptions", "run_flight", "run_station"]
-
-EXIT_FAILED = 1
-EXIT_BAD_INPUT = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ import queue
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 from gcs.attention import BEHIND_S
 from gcs.dashboard.history import EventLog, FlightHistory
@@ -19,7 +18,7 @@ from gcs.operator_desk import CommandRecord, OperatorDesk, Order
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
 
-__all__ = ["Board", "DashboardFeed", "Moment", "PageBar"]
+__all__ = ["Board", "DashboardFeed", "Moment"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,19 +36,6 @@ class Moment:
     phase: str
     time_left_s: float | None
     commands: tuple[CommandRecord, ...]
-
-
-class PageBar(Protocol):
-    """The bar below a page's headline.
-
-    Attributes:
-        row: The root to be placed on the page.
-    """
-
-    row: Any
-
-    def refresh(self) -> None:
-        """Follow the board."""
 
 
 class DashboardFeed:
@@ -122,12 +108,6 @@ class Board:
         self.history = FlightHistory([vehicle.id for vehicle in scenario.vehicles], self.map_view.bounds)
         self.events = EventLog()
         self._estimates: dict[int | str, Columns] = {}
-
-    def make_bar(self) -> PageBar:
-        """What an operator presses: one for each page."""
-        from gcs.dashboard.orders import OrderBar  # noqa: PLC0415  # bokeh: only for who shows a page
-
-        return OrderBar(self)
 
     def refresh(self) -> None:
         """Take what the flight has handed over."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.resources import files
-from typing import Any
+from typing import Any, Protocol
 
 from bokeh.core.templates import get_env
 from bokeh.document import Document
@@ -15,11 +16,12 @@ from gcs.dashboard import panels
 from gcs.dashboard.board import Board
 from gcs.dashboard.charts import CHARTS, Charts
 from gcs.dashboard.map_figure import TeamMap
+from gcs.dashboard.orders import OrderBar
 from gcs.dashboard.palette import DARK, LIGHT, THEMES, Theme
 from gcs.dashboard.pulse import Pulse
 from gcs.dashboard.styles import BUTTONS, EVENTS, TABLE, TEXT
 
-__all__ = ["COOKIE", "REFRESH_MS", "build_page"]
+__all__ = ["COOKIE", "REFRESH_MS", "PageBar", "build_page"]
 
 REFRESH_MS = 200
 COOKIE = "arvi-theme"
@@ -36,15 +38,31 @@ document.cookie = "arvi-theme=" + button.tags[0] + ";path=/;max-age=31536000;sam
 """
 
 
-def build_page(document: Document, board: Board, theme_name: str | None) -> Page:
+class PageBar(Protocol):
+    """The bar below a page's headline: what an operator presses.
+
+    Attributes:
+        row: The root to be placed on the page.
+    """
+
+    row: Any
+
+    def refresh(self) -> None:
+        """Follow the board."""
+
+
+def build_page(
+    document: Document, board: Board, theme_name: str | None, make_bar: Callable[[], PageBar] | None = None
+) -> Page:
     """Fill a session's document, and keep it fresh.
 
     Args:
         document: The session's.
         board: What to show.
         theme_name: ``light`` or ``dark``; anything else is light.
+        make_bar: Makes a page's bar; that of orders unless given.
     """
-    page = Page(board, THEMES.get(theme_name or "", LIGHT))
+    page = Page(board, THEMES.get(theme_name or "", LIGHT), OrderBar(board) if make_bar is None else make_bar())
     with document.models.freeze():  # otherwise bokeh walks all models anew for each root
         for root in page.roots:
             document.add_root(root)
@@ -63,10 +81,11 @@ class Page:
 
     Attributes:
         theme: Light or dark.
+        bar: What an operator presses.
         roots: Models to be placed by the template, by their names.
     """
 
-    def __init__(self, board: Board, theme: Theme) -> None:
+    def __init__(self, board: Board, theme: Theme, bar: PageBar) -> None:
         self.theme = theme
         self._board = board
         self._count = 0
@@ -92,7 +111,7 @@ class Page:
         self._theme_button.on_click(self._switch_theme)
         self._theme_button.js_on_change("tags", CustomJS(args={"button": self._theme_button}, code=_REPAINT_PAGE))
         self._pulse = Pulse()
-        self.orders = board.make_bar()
+        self.bar = bar
         style = InlineStyleSheet(css=BUTTONS)
         self._words = TextInput(placeholder="search events", width=180, stylesheets=[style])
         self._severity = Select(
@@ -107,7 +126,7 @@ class Page:
         self.roots = [
             self._headline,
             self._theme_button,
-            self.orders.row,
+            self.bar.row,
             Row(
                 name="map_bar",
                 children=[self.map.robot_choice, self.map.follow_choice, self._notice, self._pulse.widget],
@@ -129,7 +148,7 @@ class Page:
         A browser that is slow is sent less, so that what it shows is never old.
         """
         moment = self._board.moment
-        self.orders.refresh()
+        self.bar.refresh()
         if not self._pulse.may_send():
             return
         self.map.refresh()

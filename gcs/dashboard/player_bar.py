@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bokeh.models import Button, Div, InlineStyleSheet, Row, Select, Slider
 
 from gcs.dashboard.palette import BLUE
 from gcs.dashboard.styles import BUTTONS, TEXT
-
-if TYPE_CHECKING:
-    from gcs.recording.player import Player
+from gcs.recording.player import Player
 
 __all__ = ["PlayerBar"]
 
@@ -35,6 +33,7 @@ class PlayerBar:
 
     def __init__(self, player: Player) -> None:
         self._player = player
+        player.watched()
         self._held = False
         self._shown_s = -1.0
         style = InlineStyleSheet(css=BUTTONS)

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from bokeh.document import Document
     from bokeh.server.server import Server
 
+    from gcs.dashboard.page import PageBar
+
 __all__ = ["DEFAULT_PORT", "LOOPBACK", "Address", "find_port", "serve_dashboard"]
 
 DEFAULT_PORT = 5006
@@ -106,6 +108,7 @@ def serve_dashboard(
     feed: DashboardFeed,
     address: Address,
     make_board: Callable[[Scenario, DashboardFeed], Board] = Board,
+    make_bar: Callable[[], PageBar] | None = None,
 ) -> Iterator[None]:
     """Serve the dashboard while this lasts.
 
@@ -114,11 +117,12 @@ def serve_dashboard(
         feed: Tells what is to be shown, and why the server ended.
         address: Where.
         make_board: Makes what all pages show, in the server's thread.
+        make_bar: Makes the bar of each page, there, too; that of orders unless given.
 
     Raises:
         GroundError: It does not start.
     """
-    thread = _ServerThread(scenario, feed, address, make_board)
+    thread = _ServerThread(scenario, feed, address, make_board, make_bar)
     thread.start()
     try:
         thread.wait_until_served()
@@ -136,12 +140,14 @@ class _ServerThread(threading.Thread):
         feed: DashboardFeed,
         address: Address,
         make_board: Callable[[Scenario, DashboardFeed], Board],
+        make_bar: Callable[[], PageBar] | None,
     ) -> None:
         super().__init__(name="dashboard", daemon=True)
         self._scenario = scenario
         self._feed = feed
         self._address = address
         self._make_board = make_board
+        self._make_bar = make_bar
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
         self._served = threading.Event()
@@ -176,7 +182,7 @@ class _ServerThread(threading.Thread):
 
     async def _serve(self) -> None:
         board = self._make_board(self._scenario, self._feed)
-        server = _make_server(board, self._address)
+        server = _make_server(board, self._address, self._make_bar)
         try:
             server.start()
             self._served.set()
@@ -190,7 +196,7 @@ class _ServerThread(threading.Thread):
             server.stop()
 
 
-def _make_server(board: Board, address: Address) -> Server:
+def _make_server(board: Board, address: Address, make_bar: Callable[[], PageBar] | None) -> Server:
     # Bokeh takes most of a second to import: only who shows a dashboard pays for it, in the dashboard's thread.
     from bokeh.application import Application  # noqa: PLC0415
     from bokeh.application.handlers import FunctionHandler  # noqa: PLC0415
@@ -211,7 +217,7 @@ def _make_server(board: Board, address: Address) -> Server:
         if request is not None:
             asked = request.arguments.get("theme", [])
             theme = asked[0].decode("ascii", "replace") if asked else request.cookies.get(COOKIE)
-        build_page(document, board, theme)
+        build_page(document, board, theme, make_bar)
 
     local = f"{address.port}"
     origins = [f"127.0.0.1:{local}", f"localhost:{local}"]

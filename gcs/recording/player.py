@@ -1,21 +1,15 @@
-"""Plays a recording: position, speed, pause; and the dashboard's board that shows where it is."""
+"""Plays a recording: position, speed, pause."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from gcs.dashboard.board import Board, DashboardFeed, Moment
-from gcs.dashboard.history import ROWS
 from gcs.recording.reader import Recording
 from gcs.recording.replay import TICK_S, Replay
 from gcs.team import TeamState
 
-if TYPE_CHECKING:
-    from gcs.dashboard.player_bar import PlayerBar
-
-__all__ = ["SAMPLE_TICKS", "Player", "ReplayBoard"]
+__all__ = ["SAMPLE_TICKS", "Player"]
 
 SAMPLE_TICKS = 5
 """The charts get a sample twice a second of the flight, as in flight."""
@@ -46,6 +40,7 @@ class Player:
         self.speed = speed
         self.playing = False
         self.jumps = 0
+        self._watched = False
         self._clock = clock
         self._now_s = clock()
         self._wanted = 0.0
@@ -64,6 +59,11 @@ class Player:
     def arrived(self) -> bool:
         """Whether it is where it was sent to."""
         return self.replay.tick == int(self._wanted)
+
+    def watched(self) -> None:
+        """Somebody has begun to look: the first one sees it from the start."""
+        if not self._watched:
+            self._watched = self.playing = True
 
     def seek(self, position_s: float) -> None:
         """Go to a time since the recording's start, s."""
@@ -90,50 +90,3 @@ class Player:
             self.replay.step()
             if self.replay.tick % SAMPLE_TICKS == 0 and self.replay.tick not in self.samples:
                 self.samples[self.replay.tick] = self.replay.state()
-
-
-class ReplayBoard(Board):
-    """Shows a player's position; everything else is as in flight.
-
-    Args:
-        feed: The dashboard's; nobody feeds it, and its orders go nowhere.
-        player: What to show.
-    """
-
-    lost_text = "The replay has been stopped: arvi replay shows it again."
-
-    def __init__(self, feed: DashboardFeed, player: Player) -> None:
-        super().__init__(player.replay.recording.scenario, feed)
-        self.player = player
-        self._opened = False
-        self._tick = -1
-        self._jumps = 0
-
-    def make_bar(self) -> PlayerBar:
-        """Play, pause, seek and speed instead of orders."""
-        from gcs.dashboard.player_bar import PlayerBar  # noqa: PLC0415  # bokeh: only for who shows a page
-
-        if not self._opened:
-            self._opened = self.player.playing = True
-        return PlayerBar(self.player)
-
-    def refresh(self) -> None:
-        """Go on, and show where that led."""
-        player = self.player
-        player.advance()
-        tick = player.replay.tick
-        if tick == self._tick and player.jumps == self._jumps:
-            return
-        if player.jumps != self._jumps or tick < self._tick:
-            self._jumps = player.jumps
-            self._tick = -1
-            self.history.restart()
-            self.events.restart()
-        first = max(self._tick + 1, tick - SAMPLE_TICKS * ROWS)
-        for sample in range(first + -first % SAMPLE_TICKS, tick + 1, SAMPLE_TICKS):
-            self.history.add(player.samples[sample])
-        for event in player.replay.events(self._tick, tick):
-            self.events.add(event)
-        self._tick = tick
-        mark = player.replay.phase()
-        self.show(Moment(player.replay.state(), f"replay: {mark.phase}", mark.time_left_s, ()))

@@ -9,9 +9,10 @@ import pytest
 
 from gcs import summary
 from gcs.dashboard.board import DashboardFeed
+from gcs.dashboard.replay_board import ReplayBoard
 from gcs.errors import GroundError
 from gcs.operator_desk import OperatorDesk
-from gcs.recording.player import Player, ReplayBoard
+from gcs.recording.player import Player
 from gcs.recording.reader import open_recording
 from gcs.recording.recorder import MCAP_NAME
 from gcs.recording.replay import TICK_S, Replay

@@ -6,9 +6,11 @@ import time
 import pytest
 
 from gcs.dashboard.board import DashboardFeed
+from gcs.dashboard.player_bar import PlayerBar
+from gcs.dashboard.replay_board import ReplayBoard
 from gcs.dashboard.server import find_port, serve_dashboard
 from gcs.operator_desk import OperatorDesk
-from gcs.recording.player import Player, ReplayBoard
+from gcs.recording.player import Player
 from gcs.recording.reader import open_recording
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -24,7 +26,9 @@ def test_play_pause_and_seek(flown):
     wrong: list[str] = []
     asked: list[str] = []
     with (
-        serve_dashboard(recording.scenario, feed, address, lambda _, feed: ReplayBoard(feed, player)),
+        serve_dashboard(
+            recording.scenario, feed, address, lambda _, feed: ReplayBoard(feed, player), lambda: PlayerBar(player)
+        ),
         playwright.sync_playwright() as driver,
     ):
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
