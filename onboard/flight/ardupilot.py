@@ -12,22 +12,12 @@ from types import MappingProxyType
 from onboard.flight.ardupilot_requirements import ardupilot_requirements
 from onboard.flight.behaviour import LaunchStep, Request, arm_request, mode_request
 from onboard.flight.requirements import Needs, Requirement
-from onboard.flight.setpoints import Response, Setpoint
+from onboard.flight.setpoints import Response
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.ardupilot_modes import CopterMode
 
 __all__ = ["ArduPilot"]
-
-_TYPE_MASK = (
-    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
-)
-"""vx, vy, vz, yaw and, as feed-forward, yaw rate."""
 
 
 class ArduPilot:
@@ -38,6 +28,15 @@ class ArduPilot:
     guided_mode: int = CopterMode.GUIDED
     land_mode: int = CopterMode.LAND
     streams_before_takeoff = False
+    type_mask: int = (
+        mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+    )
+    """vx, vy, vz, yaw and, as feed-forward, yaw rate."""
     response = Response(velocity_delay_s=0.42, yaw_delay_s=0.25, position_gain_per_s=2.0, max_correction_m_s=1.0)
     integers_bytewise = False
     returns_from_failsafe = False
@@ -86,29 +85,6 @@ class ArduPilot:
             LaunchStep("GUIDED", self.mode(CopterMode.GUIDED), _nothing, lambda heard: heard.mode == CopterMode.GUIDED),
             LaunchStep("arming", arm_request(), _guided, lambda heard: heard.armed),
             LaunchStep("takeoff", takeoff, _nothing, lambda _: False),
-        )
-
-    def setpoint(
-        self, setpoint: Setpoint, boot_ms: int, system_id: int, component: int
-    ) -> mavlink.MAVLink_set_position_target_local_ned_message:
-        """Velocity, yaw and yaw rate in MAV_FRAME_LOCAL_NED; a NaN yaw would crash it."""
-        return mavlink.MAVLink_set_position_target_local_ned_message(
-            boot_ms,
-            system_id,
-            component,
-            mavlink.MAV_FRAME_LOCAL_NED,
-            _TYPE_MASK,
-            0.0,
-            0.0,
-            0.0,
-            setpoint.velocity_north_m_s,
-            setpoint.velocity_east_m_s,
-            setpoint.velocity_down_m_s,
-            0.0,
-            0.0,
-            0.0,
-            setpoint.yaw_rad,
-            setpoint.yaw_rate_rad_s,
         )
 
 

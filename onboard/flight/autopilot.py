@@ -10,7 +10,7 @@ from collections import deque
 
 from onboard.config.simulation import OriginConfig
 from onboard.flight.ardupilot import ArduPilot
-from onboard.flight.behaviour import Behaviour, Request
+from onboard.flight.behaviour import Behaviour, Request, setpoint_message
 from onboard.flight.events import Event
 from onboard.flight.motion_watch import MotionWatch
 from onboard.flight.placement import Placement
@@ -184,7 +184,7 @@ class AutopilotLink:
             return
         boot_ms = round((time_s - boot_s) * 1e3) & _MASK_32
         local = setpoint.at_height(frame.down_to_local(setpoint.down_m))
-        self._out.append(self.behaviour.setpoint(local, boot_ms, self._system_id, COMPONENT))
+        self._out.append(setpoint_message(local, self.behaviour.type_mask, boot_ms, self._system_id, COMPONENT))
 
     def ask(self, request: Request, time_s: float) -> None:
         """Give a command; it is repeated until it is answered."""

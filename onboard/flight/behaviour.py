@@ -11,7 +11,7 @@ from onboard.flight.setpoints import Response, Setpoint
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["Behaviour", "LaunchStep", "Request", "arm_request", "mode_request"]
+__all__ = ["Behaviour", "LaunchStep", "Request", "arm_request", "mode_request", "setpoint_message"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +56,7 @@ class Behaviour(Protocol):
         data_streams: Message id → MAV_DATA_STREAM that carries it, for releases that refuse SET_MESSAGE_INTERVAL.
         streams_before_takeoff: Whether it wants setpoints before it is in the air, and climbs by them; else it takes
             off by itself and setpoints during the climb would end it.
+        type_mask: POSITION_TARGET_TYPEMASK bits of what it is not to follow in a setpoint.
         response: How a quadrotor that it flies answers setpoints, as measured.
         integers_bytewise: Whether integer parameters travel bytewise in their float field.
         returns_from_failsafe: Whether it takes up the guided mode by itself when the reason of a failsafe is over.
@@ -75,6 +76,8 @@ class Behaviour(Protocol):
     def data_streams(self) -> Mapping[int, int]: ...  # noqa: D102
     @property
     def streams_before_takeoff(self) -> bool: ...  # noqa: D102
+    @property
+    def type_mask(self) -> int: ...  # noqa: D102
     @property
     def response(self) -> Response: ...  # noqa: D102
     @property
@@ -110,11 +113,36 @@ class Behaviour(Protocol):
         """
         ...
 
-    def setpoint(
-        self, setpoint: Setpoint, boot_ms: int, system_id: int, component: int
-    ) -> mavlink.MAVLink_set_position_target_local_ned_message:
-        """A setpoint in the autopilot's local frame, with the type mask that it tracks."""
-        ...
+
+def setpoint_message(
+    setpoint: Setpoint, type_mask: int, boot_ms: int, system_id: int, component: int
+) -> mavlink.MAVLink_set_position_target_local_ned_message:
+    """A setpoint in MAV_FRAME_LOCAL_NED (https://mavlink.io/en/messages/common.html#SET_POSITION_TARGET_LOCAL_NED).
+
+    What the type mask ignores is sent as 0: ArduPilot crashes on a NaN, even there.
+    """
+
+    def followed(ignored: int, value: float) -> float:
+        return 0.0 if type_mask & ignored else value
+
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        boot_ms,
+        system_id,
+        component,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        type_mask,
+        0.0,
+        0.0,
+        followed(mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE, setpoint.down_m),
+        setpoint.velocity_north_m_s,
+        setpoint.velocity_east_m_s,
+        followed(mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE, setpoint.velocity_down_m_s),
+        followed(mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE, setpoint.acceleration_north_m_s2),
+        followed(mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE, setpoint.acceleration_east_m_s2),
+        0.0,
+        setpoint.yaw_rad,
+        setpoint.yaw_rate_rad_s,
+    )
 
 
 def mode_request(main: int, sub: int = 0) -> Request:

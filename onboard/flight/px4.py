@@ -12,20 +12,12 @@ from types import MappingProxyType
 from onboard.flight.behaviour import LaunchStep, Request, arm_request, mode_request
 from onboard.flight.px4_requirements import px4_requirements
 from onboard.flight.requirements import Needs, Requirement
-from onboard.flight.setpoints import Response, Setpoint
+from onboard.flight.setpoints import Response
 from onboard.flight.telemetry import Telemetry
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.px4_modes import Px4Mode
 
 __all__ = ["Px4"]
-
-_TYPE_MASK = (
-    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
-    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
-)
-"""vx, vy, z, yaw and, as feed-forward, ax, ay, yaw rate."""
 
 _NEEDS_STICKS = frozenset({Px4Mode.MANUAL, Px4Mode.ALTCTL, Px4Mode.POSCTL, Px4Mode.ACRO, Px4Mode.STABILIZED})
 
@@ -38,6 +30,13 @@ class Px4:
     guided_mode: int = Px4Mode.OFFBOARD
     land_mode: int = Px4Mode.LAND
     streams_before_takeoff = True
+    type_mask: int = (
+        mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
+        | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+    )
+    """vx, vy, z, yaw and, as feed-forward, ax, ay, yaw rate."""
     response = Response(
         velocity_delay_s=0.08,
         yaw_delay_s=0.4,
@@ -90,29 +89,6 @@ class Px4:
         return (
             LaunchStep("OFFBOARD", self.mode(Px4Mode.OFFBOARD), _nothing, lambda heard: heard.mode == Px4Mode.OFFBOARD),
             LaunchStep("arming", arm_request(), _nothing, lambda heard: heard.armed),
-        )
-
-    def setpoint(
-        self, setpoint: Setpoint, boot_ms: int, system_id: int, component: int
-    ) -> mavlink.MAVLink_set_position_target_local_ned_message:
-        """Horizontal velocity, height, yaw and yaw rate in MAV_FRAME_LOCAL_NED."""
-        return mavlink.MAVLink_set_position_target_local_ned_message(
-            boot_ms,
-            system_id,
-            component,
-            mavlink.MAV_FRAME_LOCAL_NED,
-            _TYPE_MASK,
-            0.0,
-            0.0,
-            setpoint.down_m,
-            setpoint.velocity_north_m_s,
-            setpoint.velocity_east_m_s,
-            0.0,
-            setpoint.acceleration_north_m_s2,
-            setpoint.acceleration_east_m_s2,
-            0.0,
-            setpoint.yaw_rad,
-            setpoint.yaw_rate_rad_s,
         )
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from onboard.protocol import dialect as mavlink
-from sim_bridge.conformance.catalogue import Capture
 from sim_bridge.conformance.mocap_feed import MocapFeed
+from sim_bridge.conformance.step_data import Capture
 
 __all__ = [
     "COMPANION",

@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass, field
 
 from onboard.protocol import dialect as mavlink
-from sim_bridge.conformance.catalogue import Capture, Family
+from sim_bridge.conformance.catalogue import Family
+from sim_bridge.conformance.step_data import Capture
 
 __all__ = ["MocapFeed", "Truth", "truth_message"]
 

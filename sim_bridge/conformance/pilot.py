@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from onboard.protocol import dialect as mavlink
-from sim_bridge.conformance.catalogue import Capture, Family, State
+from sim_bridge.conformance.catalogue import Family, State
 from sim_bridge.conformance.dialogue import AUTOPILOT, Dialogue, Script, SetpointStream
 from sim_bridge.conformance.mocap_feed import truth_message
+from sim_bridge.conformance.step_data import Capture
 
 __all__ = ["TAKEOFF_HEIGHT_M", "Pilot", "StateNotReachedError", "make_pilot"]
 

@@ -9,10 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from onboard.protocol import dialect as mavlink
-from sim_bridge.conformance.catalogue import (
+from sim_bridge.conformance.catalogue import Catalogue
+from sim_bridge.conformance.dialogue import AUTOPILOT, GROUND, Dialogue, Script, SetpointStream
+from sim_bridge.conformance.parameters import ParameterKeeper
+from sim_bridge.conformance.step_data import (
     TIME_CLASSES_S,
     Ack,
-    Catalogue,
     Command,
     Expect,
     Ground,
@@ -34,8 +36,6 @@ from sim_bridge.conformance.catalogue import (
     Wait,
     Within,
 )
-from sim_bridge.conformance.dialogue import AUTOPILOT, GROUND, Dialogue, Script, SetpointStream
-from sim_bridge.conformance.parameters import ParameterKeeper
 from sim_bridge.conformance.values import build_message, command_number, enumerator, mismatch, number
 
 __all__ = ["DifferenceError", "Performance"]

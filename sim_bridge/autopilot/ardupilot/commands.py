@@ -11,6 +11,7 @@ from sim_bridge.autopilot.ardupilot.modes import LISTED_MODES
 from sim_bridge.autopilot.ardupilot.streams import MIN_INTERVAL_US
 from sim_bridge.autopilot.core.available_modes import AVAILABLE_MODES, available_mode
 from sim_bridge.autopilot.core.commands import FORCE, Command, Handler, integer
+from sim_bridge.autopilot.core.inquiries import inquiries
 from sim_bridge.autopilot.core.outbox import Outbox
 from sim_bridge.autopilot.core.streams import StreamSchedule
 from sim_bridge.autopilot.links import LinkName
@@ -70,6 +71,7 @@ class CopterCommands:
         self._outbox = outbox
         self._streams = streams
         self.handlers: dict[int, Handler] = {
+            **inquiries(actions.send_requested, outbox, streams, _FAILED),
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mavlink.MAV_CMD_DO_SET_MODE: self._do_set_mode,
             mavlink.MAV_CMD_NAV_TAKEOFF: self._takeoff,
@@ -80,9 +82,6 @@ class CopterCommands:
             mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: self._reboot,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_message_interval,
-            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_message_interval,
-            mavlink.MAV_CMD_GET_HOME_POSITION: self._get_home_position,
-            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_capabilities,
         }
 
     def _arm_disarm(self, command: Command) -> int:
@@ -138,20 +137,3 @@ class CopterCommands:
             self._outbox.say(mavlink.MAV_SEVERITY_INFO, text)
             return _DENIED
         return _ACCEPTED if streams.set_interval(message_id, interval_us) else _DENIED
-
-    def _get_message_interval(self, command: Command) -> int:
-        message_id = integer(command.parameters[0])
-        if not 0 <= message_id <= 0xFFFF:
-            return _FAILED
-        interval_us = self._streams[command.link].interval_us(message_id)
-        self._outbox.send(command.link, mavlink.MAVLink_message_interval_message(message_id, interval_us))
-        return _ACCEPTED
-
-    def _get_home_position(self, command: Command) -> int:
-        self._actions.send_requested(command.link, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
-        return _ACCEPTED
-
-    def _request_capabilities(self, command: Command) -> int:
-        if command.parameters[0] == 1.0:
-            self._actions.send_requested(command.link, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-        return _ACCEPTED
