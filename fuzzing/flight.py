@@ -261,7 +261,7 @@ def _long(command: int) -> mavlink.MAVLink_command_long_message:
 
 
 def _tile() -> mavlink.MAVLink_explored_tile_message:
-    return mavlink.MAVLink_explored_tile_message(0, 0, round(1000 * LAB.exploration.cell_m), [255] * 128)
+    return mavlink.MAVLink_explored_tile_message(0, 0, round(1000 * LAB.exploration.cell_m), [255] * 128, 123)
 
 
 _AUTOPILOT_SAYS: tuple[mavlink.MAVLink_message, ...] = (

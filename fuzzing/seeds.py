@@ -41,6 +41,6 @@ def frames(codec: Codec) -> list[bytes]:
         mavlink.MAVLink_command_long_message(1, 191, 0, mavlink.MAV_CMD_NAV_LAND, 0, 0, 0, 0, 0, 0, 0),
         mavlink.MAVLink_statustext_message(4, b"text", 0, 0),
         mavlink.MAVLink_target_belief_message(10**15, [0.0] * 4, [1.0] * 10, 1, 1, 0),
-        mavlink.MAVLink_explored_tile_message(0, 0, 250, [255] * 128),
+        mavlink.MAVLink_explored_tile_message(0, 0, 250, [255] * 128, 123),
     )
     return [codec.encode(message) for message in messages]

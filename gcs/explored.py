@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from onboard.config import Scenario
-from onboard.mapping.tile_frame import TILE_CELLS, TileFrame, tile_slices
+from onboard.mapping.tile_frame import TILE_CELLS, TileFrame, looked_at_s, tile_slices
 from onboard.messages import ExploredTile
 
 __all__ = ["ExploredArea", "ExploredMonitor"]
@@ -60,9 +60,12 @@ class ExploredMonitor:
             MappingError: It is not of this area or of another cell size.
         """
         place = tile_slices(*self._frame.index_of(tile))
+        seen_s = looked_at_s(tile, now_s)
+        if seen_s <= now_s - self._forget_after_s:
+            return
         bits = np.unpackbits(np.frombuffer(tile.explored, dtype=np.uint8), bitorder="little")
         seen = bits.reshape(TILE_CELLS, TILE_CELLS).astype(np.bool_) & self._frame.inside[place]
-        self._seen_s[place][seen] = np.maximum(self._seen_s[place][seen], now_s)
+        self._seen_s[place][seen] = np.maximum(self._seen_s[place][seen], seen_s)
         explored = self._explored[place]
         self._changed |= bool((seen & ~explored).any())
         explored |= seen

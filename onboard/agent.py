@@ -99,6 +99,7 @@ class Agent:
             patience=max(1, round(scenario.exploration.landmark_patience_s / scenario.mission.step_s)),
         )
         self._looks: list[tuple[float, Look]] = []
+        self._neighbours: frozenset[int] = frozenset()
         self._peer_plans: dict[int, PeerPlan] = {}
         self._step = -1
 
@@ -160,6 +161,9 @@ class Agent:
             time_s: UNIX time, s.
         """
         neighbours = self.team.neighbours(time_s)
+        if not self._neighbours.issuperset(neighbours):
+            self.grid.tell_all()
+        self._neighbours = frozenset(neighbours)
         self._filter.advance(step, neighbours, self._looks_for(step))
         self._step = step
         self.grid.expire(time_s)

@@ -119,12 +119,15 @@ class ExploredTile:
         cell_mm: Side of a cell, mm.
         explored: 128 bytes; bit i (least significant first) of byte 4r + k is row r from the south, column 8k + i from
             the west.
+        age_ds: Tenths of a second before this was said in which the cells were last looked at, at most, 0 to 65535; 0
+            for what the sender sees now, and in a team that never forgets.
     """
 
     tile_north: int
     tile_east: int
     cell_mm: int
     explored: bytes
+    age_ds: int = 0
 
 
 @dataclass(frozen=True, slots=True)

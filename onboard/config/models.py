@@ -65,7 +65,7 @@ class ExplorationConfig(Section):
     """The visibility grid and its landmarks."""
 
     cell_m: Annotated[float, Field(ge=0.01, le=65.0)] = 0.25
-    forget_after_s: Positive | None = Field(
+    forget_after_s: Annotated[float, Field(gt=0.0, lt=6553.5)] | None = Field(
         default=None, description="what nobody has looked at for so long is unknown again; null never forgets"
     )
     max_landmarks: Annotated[int, Field(ge=0, le=64)] = 6

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from onboard.mapping.tile_frame import TILE_CELLS
 from onboard.planning.jit import entry_kernel, kernel
 
-__all__ = ["cells_in_view", "count_frontier", "list_frontier", "mark_seen", "merge_tile"]
+__all__ = ["cells_in_view", "count_frontier", "forget_before", "list_frontier", "mark_seen", "merge_tile"]
 
 Mask = NDArray[np.bool_]
 Array = NDArray[np.float64]
@@ -73,9 +73,9 @@ def mark_seen(
     explored: Mask,
     unsent: Mask,
     seen_s: Array,
-    seen_by_self_s: Array,
     explored_in: NDArray[np.int64],
     unsent_in: Mask,
+    oldest_in: Array,
 ) -> int:
     """Mark the cells of a window that one sees oneself.
 
@@ -84,13 +84,13 @@ def mark_seen(
         first_row: Where it is.
         first_column: Where it is.
         time_s: Now.
-        timed: Whether times count: then ``seen_s`` and ``seen_by_self_s`` are kept, and what is seen again is news.
+        timed: Whether times count: then ``seen_s`` is kept, and what is seen again is news.
         explored: In and out, the whole grid.
         unsent: In and out.
         seen_s: In and out; not touched unless ``timed``.
-        seen_by_self_s: In and out; likewise.
         explored_in: In and out, by tile: how many cells of it are explored.
         unsent_in: In and out, by tile: whether it has news.
+        oldest_in: In and out, by tile: no explored cell of it was seen before that.
 
     Returns:
         How many cells are explored now that were not before.
@@ -106,13 +106,15 @@ def mark_seen(
             if new:
                 explored[row, column] = True
                 explored_in[row // TILE_CELLS, column // TILE_CELLS] += 1
+                oldest_in[row // TILE_CELLS, column // TILE_CELLS] = min(
+                    oldest_in[row // TILE_CELLS, column // TILE_CELLS], time_s
+                )
                 count += 1
             if new or timed:
                 unsent[row, column] = True
                 unsent_in[row // TILE_CELLS, column // TILE_CELLS] = True
             if timed:
                 seen_s[row, column] = time_s
-                seen_by_self_s[row, column] = time_s
     return count
 
 
@@ -122,13 +124,15 @@ def merge_tile(
     tile_row: int,
     tile_column: int,
     inside: Mask,
-    time_s: float,
+    looked_at_s: float,
     timed: bool,
+    is_news: bool,
     explored: Mask,
     unsent: Mask,
     seen_s: Array,
     explored_in: NDArray[np.int64],
     unsent_in: Mask,
+    oldest_in: Array,
 ) -> int:
     """Mark the cells of a neighbour's tile that are set and inside.
 
@@ -137,13 +141,15 @@ def merge_tile(
         tile_row: Which tile of the grid it is.
         tile_column: Which tile.
         inside: Cells that count.
-        time_s: At which they count as seen; never moves a cell's time back.
-        timed: Whether times count. If not, what is new is broadcast in turn.
+        looked_at_s: When they were seen; never moves a cell's time back.
+        timed: Whether times count.
+        is_news: Whether cells that were unexplored until now are broadcast in turn.
         explored: In and out, the whole grid.
         unsent: In and out.
         seen_s: In and out; not touched unless ``timed``.
         explored_in: In and out, by tile: how many cells of it are explored.
         unsent_in: In and out, by tile: whether it has news.
+        oldest_in: In and out, by tile: no explored cell of it was seen before that.
 
     Returns:
         How many cells are explored now that were not before.
@@ -158,13 +164,62 @@ def merge_tile(
             column = first + bit
             if (byte >> bit) & 1 and inside[row, column]:
                 if timed:
-                    seen_s[row, column] = max(seen_s[row, column], time_s)
+                    seen_s[row, column] = max(seen_s[row, column], looked_at_s)
                 if not explored[row, column]:
                     explored[row, column] = True
-                    unsent[row, column] |= not timed
+                    unsent[row, column] |= is_news
                     count += 1
     explored_in[tile_row, tile_column] += count
-    unsent_in[tile_row, tile_column] |= count > 0 and not timed
+    unsent_in[tile_row, tile_column] |= count > 0 and is_news
+    if count > 0:
+        oldest_in[tile_row, tile_column] = min(oldest_in[tile_row, tile_column], looked_at_s)
+    return count
+
+
+@entry_kernel
+def forget_before(
+    limit_s: float,
+    explored: Mask,
+    unsent: Mask,
+    seen_s: Array,
+    explored_in: NDArray[np.int64],
+    unsent_in: Mask,
+    oldest_in: Array,
+) -> int:
+    """Make cells unexplored that nobody has looked at lately, in the tiles that hold such.
+
+    Args:
+        limit_s: Cells last seen then or before are forgotten.
+        explored: In and out, the whole grid.
+        unsent: In and out.
+        seen_s: When each cell was last seen.
+        explored_in: In and out, by tile: how many cells of it are explored.
+        unsent_in: In and out, by tile: whether it has news.
+        oldest_in: In and out, by tile: no explored cell of it was seen before that.
+
+    Returns:
+        How many.
+    """
+    count = 0
+    for tile_row in range(oldest_in.shape[0]):
+        for tile_column in range(oldest_in.shape[1]):
+            if oldest_in[tile_row, tile_column] > limit_s:
+                continue
+            left, news, oldest_s = 0, False, math.inf
+            for row in range(TILE_CELLS * tile_row, TILE_CELLS * (tile_row + 1)):
+                for column in range(TILE_CELLS * tile_column, TILE_CELLS * (tile_column + 1)):
+                    if not explored[row, column]:
+                        continue
+                    if seen_s[row, column] <= limit_s:
+                        explored[row, column] = unsent[row, column] = False
+                        count += 1
+                    else:
+                        left += 1
+                        news |= unsent[row, column]
+                        oldest_s = min(oldest_s, seen_s[row, column])
+            explored_in[tile_row, tile_column] = left
+            unsent_in[tile_row, tile_column] = news
+            oldest_in[tile_row, tile_column] = oldest_s
     return count
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +12,19 @@ from onboard.mapping.errors import MappingError
 from onboard.mapping.raster import polygon_mask
 from onboard.messages import ExploredTile
 
-__all__ = ["MAX_CELLS", "MAX_CELL_MM", "MAX_TILE_INDEX", "TILE_BYTES", "TILE_CELLS", "TileFrame", "tile_slices"]
+__all__ = [
+    "MAX_CELLS",
+    "MAX_CELL_MM",
+    "MAX_TILE_AGE_S",
+    "MAX_TILE_INDEX",
+    "RADIO_DELAY_S",
+    "TILE_BYTES",
+    "TILE_CELLS",
+    "TileFrame",
+    "age_ds",
+    "looked_at_s",
+    "tile_slices",
+]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +35,14 @@ TILE_BYTES = TILE_CELLS * TILE_CELLS // 8
 MAX_CELLS = 4_000_000
 MAX_TILE_INDEX = 32767
 MAX_CELL_MM = 65535
+MAX_TILE_AGE_S = 6553.5
+
+RADIO_DELAY_S = 0.5
+"""From a broadcast to its reception, at most: what is heard counts as so much older than its tile says.
+
+A radio that is slower makes cells younger, by the rest of its delay at every hop. But a hop takes as long, so no cell
+is remembered longer than ``forget_after_s`` times the delay over this allowance.
+"""
 
 
 class TileFrame:
@@ -84,6 +105,16 @@ class TileFrame:
         if not (0 <= i < rows // TILE_CELLS and 0 <= j < columns // TILE_CELLS):
             raise MappingError(f"explored tile ({tile.tile_north}, {tile.tile_east}) is outside the mission area")
         return i, j
+
+
+def age_ds(age_s: float) -> int:
+    """An age of at most 6553.5 s as tiles say it, in tenths of a second: always older, never younger."""
+    return math.floor(10.0 * age_s) + 1
+
+
+def looked_at_s(tile: ExploredTile, received_s: float) -> float:
+    """When, at the earliest, a tile's cells were looked at last, on the clock that its reception is told on, s."""
+    return received_s - RADIO_DELAY_S - 0.1 * tile.age_ds
 
 
 def tile_slices(i: int, j: int) -> tuple[slice, slice]:

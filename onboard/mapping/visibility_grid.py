@@ -4,21 +4,30 @@ The paper explores an area once. Where targets move, that is not enough: a place
 now, and a small arena is explored before the flight has well begun. With ``forget_after_s`` an area that nobody has
 looked at for so long is unknown again, gets frontiers and landmarks, and is searched anew.
 
-**Exchange.** Tiles say which cells are explored, not when. Without forgetting a robot passes on everything it knows,
-and maps become equal, over any number of hops. With forgetting that would keep cells alive by hearsay: two robots
-would tell each other of the same old look for ever. So then a tile holds only what its sender has seen *itself*: what
-is new since its last broadcast, and now and then what it saw in the last ``forget_after_s/2``. A tile's cells count as
-seen at its reception; hence no cell is remembered longer than 1.5 × ``forget_after_s`` after the last look at it (plus
-the radio's delay).
+**Exchange.** A robot broadcasts what is new to it, and each tile again in turns (:mod:`onboard.mapping.resend`), with
+everything that it knows; so maps become equal, over any number of hops.
+
+With forgetting it matters when somebody last looked at a cell. Every cell keeps that time, and tiles tell it as an age:
+a look that is later wins, whoever had it. Ages count from the message, so that no two clocks need agree, and become no
+smaller on the way: they are rounded up, and what is heard counts as older by what a radio may take
+(:data:`onboard.mapping.tile_frame.RADIO_DELAY_S`). So hearsay keeps no cell alive: none is remembered longer than
+``forget_after_s`` after the last look at it. What a robot sees now is a tile of age 0. Older cells are told together,
+those of a sixth of ``forget_after_s`` in one tile with the age of the oldest; a hop makes a look older by no more than
+that sixth (and the radio's allowance). What it sees is news, even if it was known; what it hears is news if it was
+unknown and comes late (an age above 0): a look of right now has reached the neighbours of its sender, and those beyond
+hear of it when the tile's turn has come.
+
+A robot that comes back is told everything at once: :meth:`VisibilityGrid.tell_all`. Without forgetting it is not, as
+in the paper.
 
 **Cost.** A step costs what it looks at and hears, not what the area is: cells are counted by tile, and only tiles that
-changed, whose turn it is, or that hold a piece of the frontier are gone through.
+changed, whose turn it is, from which something is forgotten, or that hold a piece of the frontier are gone through.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +38,22 @@ from onboard.mapping.errors import MappingError
 from onboard.mapping.grid_kernels import (
     cells_in_view,
     count_frontier,
+    forget_before,
     list_frontier,
     mark_seen,
     merge_tile,
 )
 from onboard.mapping.line_of_sight import visible_from, warm_line_of_sight
 from onboard.mapping.raster import blocked_mask, reachable_mask
-from onboard.mapping.tile_frame import TILE_CELLS, TileFrame, tile_slices
+from onboard.mapping.resend import ResendTurns
+from onboard.mapping.tile_frame import (
+    MAX_TILE_AGE_S,
+    TILE_CELLS,
+    TileFrame,
+    age_ds,
+    looked_at_s,
+    tile_slices,
+)
 from onboard.messages import ExploredTile
 from onboard.planning.problem import Obstacles
 
@@ -43,8 +61,8 @@ Array = NDArray[np.float64]
 
 __all__ = ["TILE_CELLS", "VisibilityGrid"]
 
-RESEND_PERIOD = 16
-"""Every tile is broadcast again once in so many calls of :meth:`VisibilityGrid.tiles`."""
+AGE_CLASSES = 6
+"""Into so many parts ``forget_after_s`` is divided; looks of one part are told in one tile."""
 
 
 class VisibilityGrid:
@@ -84,8 +102,11 @@ class VisibilityGrid:
             MappingError: The cells are too small or too large for the tile message or the area, or no cell's centre is
                 inside the fence.
         """
-        if forget_after_s is not None and forget_after_s <= 0.0:
-            raise MappingError(f"forget_after_s = {forget_after_s}: must be positive, or None for never")
+        if forget_after_s is not None and not 0.0 < forget_after_s < MAX_TILE_AGE_S:
+            raise MappingError(
+                f"forget_after_s = {forget_after_s}: must be positive and less than the {MAX_TILE_AGE_S} s that a tile "
+                "can say, or None for never"
+            )
         self._frame = TileFrame(fence, cell_m)
         self.cell_m = cell_m
         self.forget_after_s = forget_after_s
@@ -103,14 +124,13 @@ class VisibilityGrid:
         shape = self.inside.shape
         self.explored = np.zeros(shape, dtype=np.bool_)
         self._unsent = np.zeros(shape, dtype=np.bool_)
-        timed = shape if self._is_timed else (0, 0)
-        self._seen_s = np.full(timed, -math.inf)
-        self._seen_by_self_s = np.full(timed, -math.inf)
+        self._seen_s = np.full(shape if self._is_timed else (0, 0), -math.inf)
         self._inside_in = _count_by_tile(self.inside)
         self._explored_in = np.zeros_like(self._inside_in)
         self._unsent_in = np.zeros(self._inside_in.shape, dtype=np.bool_)
+        self._oldest_in = np.full(self._inside_in.shape, math.inf)
         self._now_s = -math.inf
-        self._calls = 0
+        self._turns = ResendTurns()
 
     @property
     def explored_share(self) -> float:
@@ -143,7 +163,7 @@ class VisibilityGrid:
         Returns:
             How many cells are explored now that were not before.
         """
-        self._now_s = max(self._now_s, time_s)
+        self._advance(time_s)
         rows = self._window(self._north_m, pose.north_m, sensor.max_range_m)
         columns = self._window(self._east_m, pose.east_m, sensor.max_range_m)
         seen = np.empty((rows.stop - rows.start, columns.stop - columns.start), dtype=np.bool_)
@@ -171,44 +191,56 @@ class VisibilityGrid:
             self.explored,
             self._unsent,
             self._seen_s,
-            self._seen_by_self_s,
             self._explored_in,
             self._unsent_in,
+            self._oldest_in,
         )
 
     def expire(self, time_s: float) -> int:
         """Forget what nobody has looked at for ``forget_after_s``; how many cells that are. Never any without it."""
-        self._now_s = max(self._now_s, time_s)
+        self._advance(time_s)
         if self.forget_after_s is None:
             return 0
-        stale = self.explored & (self._seen_s <= time_s - self.forget_after_s)
-        if not stale.any():
-            return 0
-        self.explored &= ~stale
-        self._unsent &= ~stale
-        self._recount()
-        return int(stale.sum())
+        return forget_before(
+            time_s - self.forget_after_s,
+            self.explored,
+            self._unsent,
+            self._seen_s,
+            self._explored_in,
+            self._unsent_in,
+            self._oldest_in,
+        )
+
+    def tell_all(self) -> None:
+        """Somebody is heard that was not before: the next call of :meth:`tiles` gives all that is known.
+
+        That is the next 16 calls' turns at once, so it costs nothing more in the end, and is put off until those of the
+        last time are over. Without forgetting nothing is different.
+        """
+        if self._is_timed:
+            self._turns.want_all()
 
     def tiles(self, *, changed_since_last: bool) -> list[ExploredTile]:
-        """What to broadcast, ordered by tile.
+        """What to broadcast, ordered by tile, and then by age, the newest first.
 
         Args:
             changed_since_last: Only tiles with news since the last call, and each other tile once in 16 calls, so that
                 maps of robots that meet later become equal; False gives all tiles at once.
         """
-        again = np.full(self._unsent_in.shape, not changed_since_last)
-        again.flat[self._calls % RESEND_PERIOD :: RESEND_PERIOD] = True
-        again &= self._explored_in > 0
-        result = []
+        known = self._explored_in > 0
+        again = self._turns.take(known)
+        if not changed_since_last:
+            again = known
+        result: list[ExploredTile] = []
         for i, j in np.argwhere(self._unsent_in | again).tolist():
-            shared = self._shared(i, j)
-            if again[i, j] and shared.any():
-                result.append(self._tile(i, j, shared))
-            elif self._unsent_in[i, j]:
-                result.append(self._tile(i, j, self._unsent[tile_slices(i, j)] if self._is_timed else shared))
-            self._unsent[tile_slices(i, j)] = False
+            place = tile_slices(i, j)
+            if self.forget_after_s is None:
+                result.append(self._tile(i, j, self.explored[place], 0))
+            else:
+                cells = self.explored[place] if again[i, j] else self._unsent[place]
+                result += self._by_age(i, j, cells, self.forget_after_s)
+            self._unsent[place] = False
         self._unsent_in[:] = False
-        self._calls += 1
         return result
 
     def frontier(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -237,7 +269,7 @@ class VisibilityGrid:
 
         Args:
             tile: As received.
-            time_s: Time of reception, at which its cells count as seen, on the clock of :meth:`observe`, s.
+            time_s: Time of reception, on the clock of :meth:`observe`, s.
 
         Returns:
             How many cells are explored now that were not before.
@@ -246,20 +278,32 @@ class VisibilityGrid:
             MappingError: Another cell size, a wrong length, or a tile that is not of this area.
         """
         i, j = self._frame.index_of(tile)
-        self._now_s = max(self._now_s, time_s)
+        self._advance(time_s)
+        seen_s = looked_at_s(tile, time_s)
+        if self.forget_after_s is not None and seen_s <= time_s - self.forget_after_s:
+            return 0
         return merge_tile(
             np.frombuffer(tile.explored, dtype=np.uint8),
             i,
             j,
             self.inside,
-            time_s,
+            seen_s,
             self._is_timed,
+            tile.age_ds > 0 or not self._is_timed,
             self.explored,
             self._unsent,
             self._seen_s,
             self._explored_in,
             self._unsent_in,
+            self._oldest_in,
         )
+
+    def _advance(self, time_s: float) -> None:
+        """Time passes. When the clock is set back, what would have been seen in the future counts as seen now."""
+        if time_s < self._now_s:
+            np.minimum(self._seen_s, time_s, out=self._seen_s)
+            np.minimum(self._oldest_in, np.where(self._explored_in > 0, time_s, math.inf), out=self._oldest_in)
+        self._now_s = time_s
 
     def _free_cells(self, obstacles: Obstacles, reachable_from: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
         free = ~blocked_mask(obstacles, self._north_m, self._east_m)
@@ -274,23 +318,26 @@ class VisibilityGrid:
         first, last = np.searchsorted(centres_m, [at_m - reach_m, at_m + reach_m])
         return slice(int(first), int(last))
 
-    def _recount(self) -> None:
-        self._explored_in = _count_by_tile(self.explored)
-        self._unsent_in = _count_by_tile(self._unsent) > 0
+    def _by_age(self, i: int, j: int, cells: NDArray[np.bool_], forget_after_s: float) -> Iterator[ExploredTile]:
+        """Cells of a tile as messages: those seen now, and the others by when they were seen."""
+        seen_s = self._seen_s[tile_slices(i, j)]
+        now = cells & (seen_s >= self._now_s)
+        if now.any():
+            yield self._tile(i, j, now, 0)
+        earlier = cells & ~now & (seen_s > self._now_s - forget_after_s)
+        # The parts stand still while time passes, so that looks that were told together stay together at the next hop.
+        part = np.floor(seen_s * (AGE_CLASSES / forget_after_s))
+        for number in np.unique(part[earlier])[::-1].tolist():
+            together = earlier & (part == number)
+            yield self._tile(i, j, together, age_ds(self._now_s - float(seen_s[together].min())))
 
-    def _shared(self, i: int, j: int) -> NDArray[np.bool_]:
-        """The cells of a tile that may be passed on."""
-        place = tile_slices(i, j)
-        if self.forget_after_s is None:
-            return self.explored[place]
-        return self.explored[place] & (self._seen_by_self_s[place] > self._now_s - 0.5 * self.forget_after_s)
-
-    def _tile(self, i: int, j: int, cells: NDArray[np.bool_]) -> ExploredTile:
+    def _tile(self, i: int, j: int, cells: NDArray[np.bool_], age: int) -> ExploredTile:
         return ExploredTile(
             tile_north=self._frame.first_tile[0] + i,
             tile_east=self._frame.first_tile[1] + j,
             cell_mm=self._frame.cell_mm,
             explored=np.packbits(cells, axis=1, bitorder="little").tobytes(),
+            age_ds=age,
         )
 
 

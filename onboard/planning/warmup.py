@@ -55,11 +55,12 @@ def warm_filter_and_map() -> None:
     warm_filter()
     warm_line_of_sight()
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
-    told, grid = (VisibilityGrid(square, 0.5) for _ in range(2))
+    told, grid = (VisibilityGrid(square, 0.5, forget_after_s=1.0) for _ in range(2))
     grid.observe(Pose(1.0, 1.0, 0.0), RangeBearingSensor(0.1, 0.1, 1.0, math.tau), 0.0)
     for tile in grid.tiles(changed_since_last=True):
         told.merge(tile, 0.0)
     told.frontier()
+    told.expire(0.0)
 
 
 _WARM_BESIDE = [sys.executable, "-c", "from onboard.planning.warmup import warm_filter_and_map as warm; warm()"]

@@ -6746,27 +6746,28 @@ setattr(MAVLink_arvi_plan_message, "name", mavlink_msg_deprecated_name_property(
 class MAVLink_explored_tile_message(MAVLink_message):
     """
     What a robot has explored of one tile of 32 x 32 cells of the
-    mission frame.
+    mission frame: cells that somebody looked at no longer ago than
+    the tile's age.
     """
 
     id = MAVLINK_MSG_ID_EXPLORED_TILE
     msgname = "EXPLORED_TILE"
-    fieldnames = ["tile_north", "tile_east", "cell", "explored"]
-    ordered_fieldnames = ["tile_north", "tile_east", "cell", "explored"]
-    fieldtypes = ["int16_t", "int16_t", "uint16_t", "uint8_t"]
+    fieldnames = ["tile_north", "tile_east", "cell", "explored", "age"]
+    ordered_fieldnames = ["tile_north", "tile_east", "cell", "explored", "age"]
+    fieldtypes = ["int16_t", "int16_t", "uint16_t", "uint8_t", "uint16_t"]
     fielddisplays_by_name: Dict[str, str] = {}
     fieldenums_by_name: Dict[str, str] = {}
-    fieldunits_by_name: Dict[str, str] = {"cell": "mm"}
-    native_format = bytearray(b"<hhHB")
-    orders = [0, 1, 2, 3]
-    lengths = [1, 1, 1, 128]
-    array_lengths = [0, 0, 0, 128]
+    fieldunits_by_name: Dict[str, str] = {"cell": "mm", "age": "ds"}
+    native_format = bytearray(b"<hhHBH")
+    orders = [0, 1, 2, 3, 4]
+    lengths = [1, 1, 1, 128, 1]
+    array_lengths = [0, 0, 0, 128, 0]
     crc_extra = 85
-    unpacker = struct.Struct("<hhH128B")
+    unpacker = struct.Struct("<hhH128BH")
     instance_field = None
     instance_offset = -1
 
-    def __init__(self, tile_north: int, tile_east: int, cell: int, explored: Sequence[int]):
+    def __init__(self, tile_north: int, tile_east: int, cell: int, explored: Sequence[int], age: int = 0):
         MAVLink_message.__init__(self, MAVLink_explored_tile_message.id, MAVLink_explored_tile_message.msgname)
         self._fieldnames = MAVLink_explored_tile_message.fieldnames
         self._instance_field = MAVLink_explored_tile_message.instance_field
@@ -6775,9 +6776,10 @@ class MAVLink_explored_tile_message(MAVLink_message):
         self.tile_east = tile_east
         self.cell = cell
         self.explored = explored
+        self.age = age
 
     def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
-        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.tile_north, self.tile_east, self.cell, self.explored[0], self.explored[1], self.explored[2], self.explored[3], self.explored[4], self.explored[5], self.explored[6], self.explored[7], self.explored[8], self.explored[9], self.explored[10], self.explored[11], self.explored[12], self.explored[13], self.explored[14], self.explored[15], self.explored[16], self.explored[17], self.explored[18], self.explored[19], self.explored[20], self.explored[21], self.explored[22], self.explored[23], self.explored[24], self.explored[25], self.explored[26], self.explored[27], self.explored[28], self.explored[29], self.explored[30], self.explored[31], self.explored[32], self.explored[33], self.explored[34], self.explored[35], self.explored[36], self.explored[37], self.explored[38], self.explored[39], self.explored[40], self.explored[41], self.explored[42], self.explored[43], self.explored[44], self.explored[45], self.explored[46], self.explored[47], self.explored[48], self.explored[49], self.explored[50], self.explored[51], self.explored[52], self.explored[53], self.explored[54], self.explored[55], self.explored[56], self.explored[57], self.explored[58], self.explored[59], self.explored[60], self.explored[61], self.explored[62], self.explored[63], self.explored[64], self.explored[65], self.explored[66], self.explored[67], self.explored[68], self.explored[69], self.explored[70], self.explored[71], self.explored[72], self.explored[73], self.explored[74], self.explored[75], self.explored[76], self.explored[77], self.explored[78], self.explored[79], self.explored[80], self.explored[81], self.explored[82], self.explored[83], self.explored[84], self.explored[85], self.explored[86], self.explored[87], self.explored[88], self.explored[89], self.explored[90], self.explored[91], self.explored[92], self.explored[93], self.explored[94], self.explored[95], self.explored[96], self.explored[97], self.explored[98], self.explored[99], self.explored[100], self.explored[101], self.explored[102], self.explored[103], self.explored[104], self.explored[105], self.explored[106], self.explored[107], self.explored[108], self.explored[109], self.explored[110], self.explored[111], self.explored[112], self.explored[113], self.explored[114], self.explored[115], self.explored[116], self.explored[117], self.explored[118], self.explored[119], self.explored[120], self.explored[121], self.explored[122], self.explored[123], self.explored[124], self.explored[125], self.explored[126], self.explored[127]), force_mavlink1=force_mavlink1)
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.tile_north, self.tile_east, self.cell, self.explored[0], self.explored[1], self.explored[2], self.explored[3], self.explored[4], self.explored[5], self.explored[6], self.explored[7], self.explored[8], self.explored[9], self.explored[10], self.explored[11], self.explored[12], self.explored[13], self.explored[14], self.explored[15], self.explored[16], self.explored[17], self.explored[18], self.explored[19], self.explored[20], self.explored[21], self.explored[22], self.explored[23], self.explored[24], self.explored[25], self.explored[26], self.explored[27], self.explored[28], self.explored[29], self.explored[30], self.explored[31], self.explored[32], self.explored[33], self.explored[34], self.explored[35], self.explored[36], self.explored[37], self.explored[38], self.explored[39], self.explored[40], self.explored[41], self.explored[42], self.explored[43], self.explored[44], self.explored[45], self.explored[46], self.explored[47], self.explored[48], self.explored[49], self.explored[50], self.explored[51], self.explored[52], self.explored[53], self.explored[54], self.explored[55], self.explored[56], self.explored[57], self.explored[58], self.explored[59], self.explored[60], self.explored[61], self.explored[62], self.explored[63], self.explored[64], self.explored[65], self.explored[66], self.explored[67], self.explored[68], self.explored[69], self.explored[70], self.explored[71], self.explored[72], self.explored[73], self.explored[74], self.explored[75], self.explored[76], self.explored[77], self.explored[78], self.explored[79], self.explored[80], self.explored[81], self.explored[82], self.explored[83], self.explored[84], self.explored[85], self.explored[86], self.explored[87], self.explored[88], self.explored[89], self.explored[90], self.explored[91], self.explored[92], self.explored[93], self.explored[94], self.explored[95], self.explored[96], self.explored[97], self.explored[98], self.explored[99], self.explored[100], self.explored[101], self.explored[102], self.explored[103], self.explored[104], self.explored[105], self.explored[106], self.explored[107], self.explored[108], self.explored[109], self.explored[110], self.explored[111], self.explored[112], self.explored[113], self.explored[114], self.explored[115], self.explored[116], self.explored[117], self.explored[118], self.explored[119], self.explored[120], self.explored[121], self.explored[122], self.explored[123], self.explored[124], self.explored[125], self.explored[126], self.explored[127], self.age), force_mavlink1=force_mavlink1)
 
 
 # Define name on the class for backwards compatibility (it is now msgname).
@@ -17783,31 +17785,35 @@ class MAVLink(object):
         """
         self.send(self.arvi_plan_encode(time_usec, north, east, yaw, cost, lower_bound, epsilon, delta, planning_time, budget, nodes, width, primitives_crc, controls, horizon, flags), force_mavlink1=force_mavlink1)
 
-    def explored_tile_encode(self, tile_north: int, tile_east: int, cell: int, explored: Sequence[int]) -> MAVLink_explored_tile_message:
+    def explored_tile_encode(self, tile_north: int, tile_east: int, cell: int, explored: Sequence[int], age: int = 0) -> MAVLink_explored_tile_message:
         """
         What a robot has explored of one tile of 32 x 32 cells of the mission
-        frame.
+        frame: cells that somebody looked at no longer ago than the
+        tile's age.
 
         tile_north                : Tile index; the tile's southern edge is at tile_north x 32 x cell. (type:int16_t)
         tile_east                 : Tile index; the tile's western edge is at tile_east x 32 x cell. (type:int16_t)
         cell                      : Side of a cell. [mm] (type:uint16_t)
         explored                  : Bit i (least significant first) of byte 4r + c/8 is the cell in row r from the south, column c = 8(c/8) + i from the west. (type:uint8_t)
+        age                       : How long before this message was made the cells were last looked at, at most; 0 for what the sender sees now, and in a team that never forgets. [ds] (type:uint16_t)
 
         """
-        return MAVLink_explored_tile_message(tile_north, tile_east, cell, explored)
+        return MAVLink_explored_tile_message(tile_north, tile_east, cell, explored, age)
 
-    def explored_tile_send(self, tile_north: int, tile_east: int, cell: int, explored: Sequence[int], force_mavlink1: bool = False) -> None:
+    def explored_tile_send(self, tile_north: int, tile_east: int, cell: int, explored: Sequence[int], age: int = 0, force_mavlink1: bool = False) -> None:
         """
         What a robot has explored of one tile of 32 x 32 cells of the mission
-        frame.
+        frame: cells that somebody looked at no longer ago than the
+        tile's age.
 
         tile_north                : Tile index; the tile's southern edge is at tile_north x 32 x cell. (type:int16_t)
         tile_east                 : Tile index; the tile's western edge is at tile_east x 32 x cell. (type:int16_t)
         cell                      : Side of a cell. [mm] (type:uint16_t)
         explored                  : Bit i (least significant first) of byte 4r + c/8 is the cell in row r from the south, column c = 8(c/8) + i from the west. (type:uint8_t)
+        age                       : How long before this message was made the cells were last looked at, at most; 0 for what the sender sees now, and in a team that never forgets. [ds] (type:uint16_t)
 
         """
-        self.send(self.explored_tile_encode(tile_north, tile_east, cell, explored), force_mavlink1=force_mavlink1)
+        self.send(self.explored_tile_encode(tile_north, tile_east, cell, explored, age), force_mavlink1=force_mavlink1)
 
     def planner_status_encode(self, time_usec: int, mission_start_usec: int, north: float, east: float, down: float, yaw: float, tracking_error: float, plan_age: float, setpoint_gap_max: float, setpoints: int, plans: int, deadline_misses: int, peer_bytes_sent: int, peer_bytes_received: int, detections: int, rejected: int, neighbours: Sequence[int], state: int, group_size: int, group_order: int, targets: int, landmarks: int, over_home: int, neighbour_loss: Sequence[int] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0), velocity_north: float = 0, velocity_east: float = 0, adrift: int = 0) -> MAVLink_planner_status_message:
         """

@@ -59,7 +59,9 @@ USES: Mapping[str, Use] = {
     ),
     "ARVI_PLAN": Use("onboard", "onboard of neighbours (peers), ground station (ground)", "each epoch of n steps"),
     "EXPLORED_TILE": Use(
-        "onboard", "onboard of neighbours (peers), ground station (ground)", "each step τ, one a tile that changed"
+        "onboard",
+        "onboard of neighbours (peers), ground station (ground)",
+        "each step τ, one a tile that changed; each tile again every 16 steps, one an age",
     ),
     "PLANNER_STATUS": Use("onboard", "onboard of neighbours (peers), ground station (ground)", "each step τ"),
     "TARGET_TRUTH": Use("sim_bridge", "ground station (ground)", "10 Hz, one a target"),

@@ -183,12 +183,14 @@ def read_plan(
 
 def encode_tile(tile: ExploredTile) -> mavlink.MAVLink_explored_tile_message:
     """``EXPLORED_TILE`` of a tile."""
-    return mavlink.MAVLink_explored_tile_message(tile.tile_north, tile.tile_east, tile.cell_mm, list(tile.explored))
+    return mavlink.MAVLink_explored_tile_message(
+        tile.tile_north, tile.tile_east, tile.cell_mm, list(tile.explored), tile.age_ds
+    )
 
 
 def read_tile(message: mavlink.MAVLink_explored_tile_message) -> ExploredTile:
-    """The tile in an ``EXPLORED_TILE``."""
-    return ExploredTile(message.tile_north, message.tile_east, message.cell, bytes(message.explored))
+    """The tile in an ``EXPLORED_TILE``; the map checks its place and age, and all its 16 bits of age are one."""
+    return ExploredTile(message.tile_north, message.tile_east, message.cell, bytes(message.explored), message.age)
 
 
 def encode_landmarks(time_s: float, places: Iterable[tuple[float, float]]) -> mavlink.MAVLink_arvi_landmarks_message:

@@ -19,6 +19,9 @@ Message = Belief | ExploredTile | PeerPlan | PeerStatus
 _FRAME_BYTES = 12
 """MAVLink 2 without signature: header 10, checksum 2."""
 
+_AGE_BYTES = 2
+"""``EXPLORED_TILE.age``, an extension at the message's end."""
+
 _WIRE_BYTES = {
     kind: message.unpacker.size + _FRAME_BYTES
     for kind, message in (
@@ -31,8 +34,9 @@ _WIRE_BYTES = {
 
 
 def wire_bytes(message: Message) -> int:
-    """The length of a message's MAVLink frame, untruncated."""
-    return _WIRE_BYTES[type(message)]
+    """The length of a message's MAVLink frame; of zeros at its end only an age that is not told is left out."""
+    untold = _AGE_BYTES if isinstance(message, ExploredTile) and message.age_ds == 0 else 0
+    return _WIRE_BYTES[type(message)] - untold
 
 
 def components(adjacency: NDArray[np.bool_]) -> list[tuple[int, ...]]:

@@ -57,8 +57,10 @@ class PartitionResult:
 
     Attributes:
         seed: Of the flight.
+        unbroken: Share of the instants in the 10 s before the partition at which all maps agree.
         apart: Map agreement of the worst pair at the end of the partition.
         maps_agree_s: From its end until all maps agree, s; infinity if they do not within 20 s.
+        healed: Share of the instants in those 20 s at which they do.
         estimates_agree_s: The same for the estimates.
         nees_before: Mean NEES per degree of freedom over the tracks in the 10 s before the partition.
         nees_during: The same while it lasts.
@@ -66,8 +68,10 @@ class PartitionResult:
     """
 
     seed: int
+    unbroken: float
     apart: float
     maps_agree_s: float
+    healed: float
     estimates_agree_s: float
     nees_before: float
     nees_during: float
@@ -108,22 +112,33 @@ def partition(
     assert lab.simulation is not None
     radio = lab.simulation.radio.model_copy(update={"range_m": None})
     flight = _tracking(lab.model_copy(update={"simulation": lab.simulation.model_copy(update={"radio": radio})}), seed)
-    before = [error.nees for elapsed_s in _steps(flight, 20.0) for error in squared_errors(flight) if elapsed_s > 10.0]
+    unbroken, before = [], []
+    for elapsed_s in _steps(flight, 20.0):
+        if elapsed_s > 10.0:
+            unbroken.append(_map_agreement(flight) >= MAP_AGREEMENT)
+            before += [error.nees for error in squared_errors(flight)]
     flight.inject(
         FaultConfig(
             component=Component.RADIO, type=FaultType.OFF, vehicles=(2,), since="boot", from_s=0.0, until_s=length_s
         )
     )
     during = [error.nees for _ in _steps(flight, length_s) for error in squared_errors(flight)]
-    apart, maps_s, estimates_s, after = _map_agreement(flight), math.inf, math.inf, []
+    apart, maps_s, estimates_s, healed, after = _map_agreement(flight), math.inf, math.inf, [], []
     for elapsed_s in _steps(flight, AGREEMENT_LIMIT_S):
         after += [error.nees for error in squared_errors(flight)]
-        if _map_agreement(flight) >= MAP_AGREEMENT:
+        healed.append(_map_agreement(flight) >= MAP_AGREEMENT)
+        if healed[-1]:
             maps_s = min(maps_s, elapsed_s)
         if _disagreement_m(flight) <= TRACK_AGREEMENT_M:
             estimates_s = min(estimates_s, elapsed_s)
     return PartitionResult(
-        seed, apart, maps_s, estimates_s, *(float(np.mean(nees)) / 2.0 for nees in (before, during, after))
+        seed,
+        float(np.mean(unbroken)),
+        apart,
+        maps_s,
+        float(np.mean(healed)),
+        estimates_s,
+        *(float(np.mean(nees)) / 2.0 for nees in (before, during, after)),
     )
 
 
@@ -156,7 +171,8 @@ def _loss_table(losses: Sequence[LossResult]) -> list[str]:
 
 def _partition_table(partitions: Sequence[tuple[str, PartitionResult]]) -> list[str]:
     rows = [
-        f"| {name} | {r.seed} | {100 * r.apart:.0f} | {r.maps_agree_s:.1f} | {r.estimates_agree_s:.1f} | "
+        f"| {name} | {r.seed} | {100 * r.unbroken:.0f} | {100 * r.apart:.0f} | {r.maps_agree_s:.1f} | "
+        f"{100 * r.healed:.0f} | {r.estimates_agree_s:.1f} | "
         f"{r.nees_before:.2f} | {r.nees_during:.2f} | {r.nees_after:.2f} |"
         for name, r in partitions
     ]
@@ -166,9 +182,10 @@ def _partition_table(partitions: Sequence[tuple[str, PartitionResult]]) -> list[
         f"most are {TRACK_AGREEMENT_M:g} m apart or less, in the mean over the targets. NEES is per degree of freedom "
         "(1 is consistent; the robots' paths are no random walks).",
         "",
-        "| map | seed | equal cells at its end, % | maps agree after, s | estimates agree after, s | NEES before "
+        "| map | seed | maps agree in the 10 s before it, % of instants | equal cells at its end, % "
+        "| maps agree after, s | in the 20 s after, % of instants | estimates agree after, s | NEES before "
         "| during | 20 s after |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
         *rows,
     ]
 

@@ -24,7 +24,7 @@ def test_like_a_robots_map_tile_by_tile_and_as_it_forgets(scenario, forget_after
         now_s = 1.5e9 + second
         if second < 8:
             bits = np.packbits(rng.random(1024) < 0.05).tobytes()
-            tile = ExploredTile(0, 0, round(exploration.cell_m * 1e3), bits)
+            tile = ExploredTile(0, 0, round(exploration.cell_m * 1e3), bits, int(rng.integers(40)))
             monitor.receive(tile, now_s)
             oracle.merge(tile, now_s)
         monitor.advance(now_s)

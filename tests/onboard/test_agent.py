@@ -87,6 +87,26 @@ def test_a_neighbour_learns_of_a_target_and_a_stranger_does_not(scenario: Scenar
     assert stranger.tracks == {}, "beliefs of robots that are not in range have no say"
 
 
+def test_a_neighbour_that_was_away_is_told_the_whole_map_once(scenario: Scenario) -> None:
+    """Not heard for ``neighbour_timeout_s``, it missed news; who is heard all the time did not."""
+    agent = agent_of(scenario, 1)
+    told = {}
+    for step in range(40):
+        time_s = START_S + 0.5 * step
+        if not 5 <= step < 25:
+            meet((1, agent), (2, agent_of(scenario, 2)), time_s=time_s)
+        pose = Pose(2.0, 1.0 + 0.15 * step, 0.0)
+        tiles = agent.step(step, pose, time_s).tiles
+        told[step] = np.bitwise_or.reduce([np.frombuffer(tile.explored, np.uint8) for tile in tiles])
+        assert len(tiles) <= 8
+        assert sum(tile.age_ds == 0 for tile in tiles) == 1
+    cells = {step: int(np.unpackbits(bits).sum()) for step, bits in told.items()}
+    whole = int(agent.grid.explored.sum())
+    turns = [step for step in range(6, 40) if cells[step] > 100]
+    assert turns == [16, 25], "its regular turn, and the return; until step 40 that was the turn at 32 as well"
+    assert cells[25] > 0.6 * whole
+
+
 def test_the_problem_holds_known_targets_and_landmarks_at_the_epoch(scenario: Scenario) -> None:
     agent = agent_of(scenario, 1)
     agent.look(START_S, Look(4, HERE, 0.5, 0.0))

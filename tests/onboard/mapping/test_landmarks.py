@@ -37,7 +37,8 @@ def frontier_mask(grid):
 
 def set_explored(grid, rows, columns, explored):
     grid.explored[rows, columns] = explored
-    grid._recount()
+    tile_rows, tile_columns = grid._explored_in.shape
+    grid._explored_in[:] = grid.explored.reshape(tile_rows, 32, tile_columns, 32).sum(axis=(1, 3))
 
 
 def test_frontier_cells_are_unexplored_with_an_explored_neighbour():

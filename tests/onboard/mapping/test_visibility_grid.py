@@ -3,6 +3,7 @@
 Oracles go cell by cell with the sensor's own rule.
 """
 
+import dataclasses
 import math
 
 import numpy as np
@@ -15,6 +16,7 @@ from onboard.errors import OnboardError
 from onboard.estimation.sensor import RangeBearingSensor
 from onboard.geometry import Pose
 from onboard.mapping.errors import MappingError
+from onboard.mapping.tile_frame import RADIO_DELAY_S
 from onboard.mapping.visibility_grid import TILE_CELLS, VisibilityGrid
 from onboard.messages import ExploredTile
 from onboard.planning.problem import Obstacles
@@ -94,8 +96,9 @@ def test_bad_grids_are_refused_by_name():
         VisibilityGrid([(1e6, 0.0), (1e6 + 1.0, 0.0), (1e6, 1.0)], 0.25)
     with pytest.raises(MappingError, match="no cell's centre is inside"):
         VisibilityGrid([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1)], 1.0)
-    with pytest.raises(MappingError, match="forget_after_s"):
-        VisibilityGrid(LAB, 0.25, forget_after_s=0.0)
+    for forget_after_s in (0.0, 6553.5, math.nan):
+        with pytest.raises(MappingError, match="forget_after_s"):
+            VisibilityGrid(LAB, 0.25, forget_after_s=forget_after_s)
 
 
 # Exchange
@@ -260,45 +263,152 @@ def test_what_was_not_looked_at_for_long_is_unknown_again():
     assert not grid.explored.any()
 
 
-def test_a_tile_counts_as_seen_at_its_reception():
-    sender, receiver = (VisibilityGrid(LAB, 0.25, forget_after_s=30.0) for _ in range(2))
-    sender.observe(Pose(2.0, 2.0, 0.0), ROUND, 0.0)
-    (tile,) = sender.tiles(changed_since_last=True)
-    receiver.merge(tile, 5.0)
-    assert receiver.expire(34.9) == 0
-    assert receiver.expire(35.0) > 0
-    assert not receiver.explored.any()
+def test_what_is_heard_is_as_old_as_its_tile_says_and_what_a_radio_may_take():
+    sender, now, later = (VisibilityGrid(LAB, 0.25, forget_after_s=30.0) for _ in range(3))
+    sender.observe(Pose(2.0, 2.0, 0.0), ROUND, 1000.0)
+    (fresh,) = sender.tiles(changed_since_last=True)
+    assert fresh.age_ds == 0
+    now.merge(fresh, 1000.2)
+    sender.expire(1012.34)
+    (aged,) = sender.tiles(changed_since_last=False)
+    assert aged.age_ds == 124, "12.34 s, rounded up"
+    later.merge(aged, 1012.5)
+    for receiver, seen_s in ((now, 1000.2 - RADIO_DELAY_S), (later, 1012.5 - 12.4 - RADIO_DELAY_S)):
+        np.testing.assert_array_equal(receiver.explored, sender.explored)
+        assert receiver.expire(seen_s + 29.99) == 0
+        assert receiver.expire(seen_s + 30.01) == sender.explored.sum()
+    assert later.merge(dataclasses.replace(aged, age_ds=65535), 1043.0) == 0, "a look from before what is remembered"
 
 
-def test_robots_do_not_keep_a_forgotten_place_alive_by_hearsay():
-    """Two robots in constant contact: one look at t = 0 is forgotten by both 1.5 × forget_after_s later."""
+@pytest.mark.parametrize("seed", range(4))
+def test_a_later_look_wins_and_no_age_shrinks_over_any_number_of_hops(seed):
+    """A line of robots with loss, doubles, delays and wrong clocks: none takes a look for later than it was."""
+    rng = np.random.default_rng(seed)
+    clocks_s = 1.8e9 + rng.uniform(-1e4, 1e4, 4)
+    team = [VisibilityGrid(L_SHAPE, 0.25, forget_after_s=20.0) for _ in clocks_s]
+    looked_s = np.full((4, *team[0].explored.shape), -math.inf)
+    under_way = []
+    hearsay = np.zeros(4, dtype=int)
+    for step in range(160):
+        now_s = 0.5 * step
+        for sent_to, due_s, tile in [entry for entry in under_way if entry[1] <= now_s]:
+            team[sent_to].merge(tile, clocks_s[sent_to] + due_s)
+        under_way = [entry for entry in under_way if entry[1] > now_s]
+        for index, grid in enumerate(team):
+            grid.expire(clocks_s[index] + now_s)
+            if rng.random() < 0.3:
+                before = grid._seen_s.copy()
+                pose = Pose(rng.uniform(-3.0, 6.0), rng.uniform(-5.0, 7.0), rng.uniform(-3.0, 3.0))
+                grid.observe(pose, NARROW, clocks_s[index] + now_s)
+                looked_s[index][grid._seen_s != before] = now_s
+            last_s = looked_s.max(axis=0)[grid.explored]
+            assert (grid._seen_s[grid.explored] - clocks_s[index] <= last_s + 1e-5).all()
+            assert (now_s - last_s < 20.0).all()
+            own_s = looked_s[index][grid.explored]
+            assert (grid._seen_s[grid.explored] - clocks_s[index] >= own_s - 1e-5).all(), "a look of one's own was lost"
+            hearsay[index] += (own_s == -math.inf).sum()
+            if rng.random() < 0.1:
+                grid.tell_all()
+            for tile in grid.tiles(changed_since_last=True):
+                for other in (index - 1, index + 1):
+                    copies = rng.choice(3, p=[0.3, 0.6, 0.1]) if 0 <= other < 4 else 0
+                    under_way += [(other, now_s + rng.uniform(0.0, RADIO_DELAY_S), tile) for _ in range(copies)]
+    assert (hearsay > 1000).all()
+
+
+@pytest.mark.parametrize("delay_s", [0.0, RADIO_DELAY_S, 1.0, 2.0])
+def test_robots_do_not_keep_a_forgotten_place_alive_by_hearsay(delay_s):
+    """Two robots that tell each other all they know in every step: even a radio slower than allowed for has an end."""
     team = [VisibilityGrid(LAB, 0.25, forget_after_s=20.0) for _ in range(2)]
     team[0].observe(Pose(2.0, 2.0, 0.0), ROUND, 0.0)
-    alive_until = 0.0
-    for step in range(200):
-        now = 0.5 * step
-        for grid in team:
-            grid.expire(now)
-        for here, there in ((0, 1), (1, 0)):
-            for tile in team[here].tiles(changed_since_last=True):
-                team[there].merge(tile, now)
+    under_way, alive_until_s = [], 0.0
+    for step in range(400):
+        now_s = 0.5 * step
+        for receiver, due_s, tile in under_way:
+            if due_s == now_s:
+                team[receiver].merge(tile, now_s)
+        for index, grid in enumerate(team):
+            grid.expire(now_s)
+            under_way += [(1 - index, now_s + delay_s, tile) for tile in grid.tiles(changed_since_last=False)]
         if any(grid.explored.any() for grid in team):
-            alive_until = now
-    assert 20.0 <= alive_until <= 1.5 * 20.0
+            alive_until_s = now_s
+    assert 19.5 <= alive_until_s < 20.0 * max(1.0, delay_s / RADIO_DELAY_S)
 
 
-def test_a_robot_that_meets_another_learns_what_that_one_saw_lately():
-    sender, late = (VisibilityGrid(LAB, 0.25, forget_after_s=30.0) for _ in range(2))
-    sender.observe(Pose(1.0, 1.0, 0.0), ROUND, 0.0)
-    sender.observe(Pose(3.0, 7.0, 0.0), ROUND, 14.0)
-    sender.tiles(changed_since_last=True)
-    sender.expire(16.0)
-    for _ in range(16):
-        for tile in sender.tiles(changed_since_last=True):
-            late.merge(tile, 16.0)
-    assert late.explored[late.cell_of(3.0, 7.0)]
-    assert not late.explored[late.cell_of(1.0, 1.0)]
-    assert late.explored.shape == (TILE_CELLS, TILE_CELLS)
+def test_who_comes_back_learns_at_once_what_all_know_and_those_beyond_in_the_next_step():
+    """A line of three; the one at its end was away. What it is told its neighbour has from others, in part."""
+    field = [(0.0, 0.0), (60.0, 0.0), (60.0, 60.0), (0.0, 60.0)]
+    near, middle, back = (VisibilityGrid(field, 0.5, forget_after_s=30.0) for _ in range(3))
+    for step in range(44):
+        for grid, east_m in ((near, 5.0), (back, 50.0)):
+            grid.expire(0.5 * step)
+            grid.observe(Pose(5.0 + step, east_m, 0.0), NARROW, 0.5 * step)
+        for tile in near.tiles(changed_since_last=True):
+            middle.merge(tile, 0.5 * step + 0.1)
+        back.tiles(changed_since_last=True)
+    for grid in (near, middle, back):
+        grid.expire(22.0)
+        grid.tell_all()
+    both = middle.explored | back.explored
+    looked_s = np.maximum(near._seen_s, back._seen_s)[both]
+    assert (middle.explored & ~back.explored).any()
+    assert (back.explored & ~middle.explored).any()
+    sent = [grid.tiles(changed_since_last=True) for grid in (middle, back)]
+    for grid, tiles in ((back, sent[0]), (middle, sent[1])):
+        for tile in tiles:
+            grid.merge(tile, 22.1)
+        np.testing.assert_array_equal(grid.explored, both)
+    for tile in middle.tiles(changed_since_last=True):
+        near.merge(tile, 22.2)
+    np.testing.assert_array_equal(near.explored, both)
+    for grid, hops in ((middle, 1), (back, 2), (near, 2)):
+        older_s = looked_s - grid._seen_s[both]
+        assert older_s.min() >= 0.0
+        assert older_s.max() < hops * (30.0 / 6 + RADIO_DELAY_S + 0.1), "a sixth of the memory and the allowances a hop"
+
+
+def test_a_neighbour_that_comes_and_goes_costs_no_more_than_the_regular_turns():
+    field = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)]  # 49 tiles of 16 m
+    calm, pestered = (VisibilityGrid(field, 0.5, forget_after_s=1000.0) for _ in range(2))
+    told = {}
+    for grid in (calm, pestered):
+        grid.observe(Pose(50.0, 50.0, 0.0), RangeBearingSensor(0.1, 0.1, 80.0, math.tau), 0.0)
+        grid.tiles(changed_since_last=True)
+        told[grid] = []
+        for call in range(160):
+            grid.expire(1.0 + call)
+            if grid is pestered and call % 2 == 0:
+                grid.tell_all()
+            told[grid].append(len(grid.tiles(changed_since_last=True)))
+    assert max(told[calm]) == 4
+    assert sum(told[pestered]) <= sum(told[calm]) + 49
+    assert max(told[pestered]) <= 32, "no more at once than a radio takes"
+    assert sum(told[pestered][:2]) == 49
+
+
+def test_without_forgetting_nobody_is_told_more_than_in_the_paper():
+    grid, pestered = VisibilityGrid(L_SHAPE, 0.25), VisibilityGrid(L_SHAPE, 0.25)
+    for step in range(40):
+        pose = Pose(-3.0 + 0.2 * step, 0.0, 0.0)
+        told = []
+        for each in (grid, pestered):
+            each.observe(pose, NARROW, float(step))
+            if each is pestered:
+                each.tell_all()
+            told.append(each.tiles(changed_since_last=True))
+        assert told[0] == told[1]
+        assert all(tile.age_ds == 0 for tile in told[0])
+
+
+def test_a_clock_that_is_set_back_makes_nothing_live_longer():
+    grid = VisibilityGrid(LAB, 0.25, forget_after_s=30.0)
+    grid.observe(Pose(2.0, 2.0, 0.0), ROUND, 1000.0)
+    grid.expire(100.0)
+    (tile,) = grid.tiles(changed_since_last=True)
+    assert tile.age_ds == 0
+    assert grid.expire(129.9) == 0
+    assert grid.expire(130.0) > 0
+    assert not grid.explored.any()
 
 
 # Bookkeeping by tile, which spares going over the whole area
@@ -344,11 +454,14 @@ def test_counts_by_tile_are_those_of_the_cells(forget_after_s):
             grid.observe(Pose(*rng.uniform(0.0, 40.0, 2), rng.uniform(-3.0, 3.0)), NARROW, float(step))
         for tile in other.tiles(changed_since_last=True):
             own.merge(tile, float(step))
-        counted, unsent = own._explored_in.copy(), own._unsent_in.copy()
         assert own.explored_share == own.explored.sum() / own.inside.sum()
-        own._recount()
-        np.testing.assert_array_equal(counted, own._explored_in)
-        np.testing.assert_array_equal(unsent, own._unsent_in)
+        by_tile = [a.reshape(2, TILE_CELLS, 3, TILE_CELLS) for a in (own.explored, own._unsent)]
+        np.testing.assert_array_equal(own._explored_in, by_tile[0].sum(axis=(1, 3)))
+        np.testing.assert_array_equal(own._unsent_in, by_tile[1].any(axis=(1, 3)))
+        if forget_after_s is not None:
+            seen_s = np.where(own.explored, own._seen_s, math.inf).reshape(by_tile[0].shape)
+            assert (own._oldest_in <= seen_s.min(axis=(1, 3))).all()
+            assert (own._oldest_in > step - 20.0).all()
         if step % 3 == 0:
             own.tiles(changed_since_last=True)
             assert not own._unsent.any()

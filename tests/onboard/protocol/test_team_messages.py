@@ -112,8 +112,15 @@ def test_a_control_outside_the_table_is_refused() -> None:
 def test_a_detection_and_a_tile_survive_the_wire() -> None:
     detection = Detection(1_790_000_000.5, 4, 0.75, -1.25)
     assert team.read_detection(wire(team.encode_detection(detection))) == detection  # type: ignore[arg-type]
-    tile = ExploredTile(-3, 2, 250, bytes(range(128)))
-    assert team.read_tile(wire(team.encode_tile(tile))) == tile  # type: ignore[arg-type]
+    for age_ds in (0, 1, 65535):
+        tile = ExploredTile(-3, 2, 250, bytes(range(128)), age_ds)
+        assert team.read_tile(wire(team.encode_tile(tile))) == tile  # type: ignore[arg-type]
+
+
+def test_a_tile_of_age_0_is_the_frame_of_those_who_know_no_ages() -> None:
+    """An extension of zeros is not sent and not in the checksum: old and new read each other's."""
+    frames = [Codec(2, 191).encode(team.encode_tile(ExploredTile(0, 0, 250, b"\xff" * 128, age))) for age in (0, 7)]
+    assert [len(frame) for frame in frames] == [12 + 134, 12 + 135]
 
 
 @pytest.mark.parametrize("count", [0, 1, 24, 30])

@@ -37,6 +37,11 @@ def test_components_are_those_of_an_independent_implementation(seed: int) -> Non
     assert [group[0] for group in found] == sorted(group[0] for group in found)
 
 
+def test_the_age_of_a_tile_is_on_the_air_only_when_told() -> None:
+    assert wire_bytes(tile(0)) == 12 + 134, "as in the paper's teams, which never forget"
+    assert wire_bytes(ExploredTile(0, 0, 500, bytes(128), 3)) == 12 + 136
+
+
 def test_range_decides_who_hears_whom_and_who_plans_together() -> None:
     radio = network(range_m=5.0)
     radio.connect(0, LINE)
