@@ -12,8 +12,8 @@ Mask = NDArray[np.bool_]
 ROUND = 16
 """Turns of a round: in so many broadcasts every tile has its turn once."""
 
-AT_ONCE = 32
-"""Tiles that are broadcast together when all are wanted; a larger map takes several broadcasts."""
+AT_ONCE = 16
+"""Tiles that are broadcast together when all are wanted; for the radio's sake a larger map takes several broadcasts."""
 
 
 class ResendTurns:

@@ -188,8 +188,8 @@ def test_maps_of_a_connected_team_become_equal_in_spite_of_loss(loss, links, see
             grid.observe(pose, NARROW, 0.0)
         exchange()
     union = np.logical_or.reduce([grid.explored for grid in team])
-    # a tile goes out at least every 16th round; that all of 25 fail on one of three links has a chance below 1 %
-    for _ in range(16 * 25):
+    # a tile goes out at least every 16th round; 400 tries for its three hops fail with a chance of less than 1e-30
+    for _ in range(16 * 400):
         exchange()
         if all(np.array_equal(grid.explored, union) for grid in team):
             break
@@ -382,8 +382,8 @@ def test_a_neighbour_that_comes_and_goes_costs_no_more_than_the_regular_turns():
             told[grid].append(len(grid.tiles(changed_since_last=True)))
     assert max(told[calm]) == 4
     assert sum(told[pestered]) <= sum(told[calm]) + 49
-    assert max(told[pestered]) <= 32, "no more at once than a radio takes"
-    assert sum(told[pestered][:2]) == 49
+    assert max(told[pestered]) <= 16, "no more at once than a radio takes"
+    assert sum(told[pestered][:4]) == 49
 
 
 def test_without_forgetting_nobody_is_told_more_than_in_the_paper():
