@@ -7,6 +7,7 @@ import pytest
 from onboard.config.flight import FlightConfig
 from onboard.config.vehicle_types import VehicleTypeConfig
 from onboard.flight.autopilot import BEHAVIOURS
+from onboard.flight.behaviour import setpoint_message
 from onboard.flight.setpoints import HeightReference, Response, Setpoint, SetpointTracker
 from onboard.flight.trajectory import Hold, PlanTrajectory
 from onboard.geometry import Pose
@@ -61,7 +62,7 @@ def test_the_message_asks_for_what_the_autopilot_tracks_in_ned(family: str, used
     """PX4 holds a height next to a velocity and an acceleration; ArduPilot drops all velocities when one is ignored."""
     values = {"vx": 0.5, "vy": -0.5, "vz": -0.125, "z": -1.75, "yaw": 0.25, "yaw_rate": 3.0, "ax": 2.0, "ay": -3.0}
     setpoint = Setpoint(0.5, -0.5, -0.125, -1.75, 0.25, 3.0, 2.0, -3.0)
-    message = BEHAVIOURS[family].setpoint(setpoint, 1234, 7, 1)
+    message = setpoint_message(setpoint, BEHAVIOURS[family].type_mask, 1234, 7, 1)
     names = ["x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "force", "yaw", "yaw_rate"]
     assert {name for bit, name in enumerate(names) if ~message.type_mask >> bit & 1} - {"force"} == used
     assert message.type_mask & mavlink.POSITION_TARGET_TYPEMASK_FORCE_SET == 0
@@ -70,6 +71,8 @@ def test_the_message_asks_for_what_the_autopilot_tracks_in_ned(family: str, used
     assert {name: getattr(message, {"ax": "afx", "ay": "afy"}.get(name, name)) for name in used} == {
         name: values[name] for name in used
     }
+    fields = [{"ax": "afx", "ay": "afy", "az": "afz"}.get(name, name) for name in names if name != "force"]
+    assert sum(getattr(message, name) != 0.0 for name in fields) == len(used), "what is ignored is 0"
     numbers = [value for value in message.to_dict().values() if isinstance(value, float)]
     assert all(math.isfinite(value) for value in numbers), "a NaN can kill an autopilot"
 
