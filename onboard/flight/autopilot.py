@@ -159,6 +159,12 @@ class AutopilotLink:
         return frame.to_mission(self.heard.local_position)
 
     @property
+    def down_m(self) -> float:
+        """Down in the mission frame, m; 0 before it is known."""
+        position = self.position
+        return 0.0 if position is None else position[2]
+
+    @property
     def velocity(self) -> tuple[float, float]:
         """North m/s, east m/s with the latest position; the local frame is turned by nothing."""
         return self.heard.local_velocity

@@ -1,8 +1,9 @@
 """The flight states of one vehicle: wait → standby → arm → take off → hold ⇄ track → return → land → landed.
 
 A plain object: times, the autopilot link and plans go in; setpoints, commands on the link and events come out. Each
-state is one method that does its work and names the next state. What differs between autopilots is in the link's
-behaviour. What goes wrong is on the failsafe ladder (``ladder.py``), and the machine does what the ladder asks for.
+state is one method that does its work and names the next state. What is flown is a ``Course``; the ways up, home and
+down are an ``Ascent``, a ``Homing`` and a ``Landing``. What differs between autopilots is in the link's behaviour. What
+goes wrong is on the failsafe ladder (``ladder.py``), and the machine does what the ladder asks for.
 """
 
 from __future__ import annotations
@@ -14,16 +15,19 @@ from types import MappingProxyType
 from onboard.config.flight import FlightConfig
 from onboard.config.vehicle import VehicleConfig
 from onboard.config.vehicle_types import VehicleTypeConfig
+from onboard.flight.ascent import Ascent
 from onboard.flight.autopilot import AutopilotLink
+from onboard.flight.course import Course
 from onboard.flight.custody import Holder
 from onboard.flight.events import Event, Refusal
 from onboard.flight.failsafes import Action, Condition
 from onboard.flight.homing import OVER_HOME_M, Homing
 from onboard.flight.ladder import Ladder
-from onboard.flight.launch import Launch
+from onboard.flight.landing import Landing
 from onboard.flight.reactions import following
-from onboard.flight.setpoints import HeightReference, Setpoint, SetpointTracker
-from onboard.flight.trajectory import Followed, Hold, Trajectory
+from onboard.flight.readiness import Readiness
+from onboard.flight.setpoints import HeightReference, Setpoint
+from onboard.flight.trajectory import Hold, Trajectory
 from onboard.flight.watch import FLIGHT, FlightWatch
 from onboard.geometry import Pose
 from onboard.messages import FlightState
@@ -31,17 +35,6 @@ from onboard.protocol import dialect as mavlink
 
 __all__ = ["AIRBORNE", "FlightMachine"]
 
-STREAM_BEFORE_LAUNCH_S = 0.5
-COMMAND_RETRY_S = 1.0
-LAUNCH_PATIENCE_S = 20.0
-LACK_PATIENCE_S = 3.0
-"""What is missing for longer is told."""
-AT_LAYER_M = 0.15
-NEAR_LAYER_M = 0.6
-NEAR_LAYER_PATIENCE_S = 2.0
-"""Who takes off by its own idea of the height may stop a little off ours; the stream does the rest."""
-STOPS_S = 0.4
-"""How long a vehicle flies on with its velocity, in effect, when it stops."""
 
 _FLOWN = (FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
 _COMMANDED = (FlightState.TAKEOFF, *_FLOWN)
@@ -60,7 +53,6 @@ class FlightMachine:
 
     Attributes:
         state: Where the flight is.
-        trajectory: What is flown now; None while nothing has been commanded.
         ladder: What is wrong.
     """
 
@@ -72,29 +64,20 @@ class FlightMachine:
         limits: VehicleTypeConfig | None = None,
     ) -> None:
         self.state = FlightState.WAIT
-        self.trajectory: Trajectory | None = None
-        self._config = config
         self._vehicle = vehicle
         self._link = link
-        self._tracker = SetpointTracker(config, limits)
-        self._next: tuple[float, Trajectory, float] | None = None
-        self._flown_from_s = math.inf
-        self._flown_until_s = math.inf
         self._since_s = -math.inf
-        self._command_s = -math.inf
-        self._launch = Launch((), 0.0)
+        self._course = Course(config, limits, vehicle.layer_m)
+        self._ascent = Ascent(config, link, vehicle.layer_m)
+        self._homing = Homing(config, link, vehicle.home_pose)
+        self._landing = Landing(link)
         self.ladder = Ladder()
         self._watch = FlightWatch(link, config)
+        self._readiness = Readiness(link, self._watch)
         self._ordered: Condition | None = None
         self._reported: Mapping[Condition, str] = _NOTHING
-        self._refused = ""
-        self._height = HeightReference(0.0)
-        self._near_layer_s = math.inf
         self._last_tick_s = -math.inf
-        self._homing = Homing(config, link, vehicle.home_pose)
         self._paused = False
-        self._land_taken = self._land_shown = False
-        self._lack = ("", -math.inf)
         self._events: list[Event] = []
         self._handlers: dict[FlightState, Callable[[float, bool], FlightState]] = {
             FlightState.WAIT: self._wait,
@@ -115,14 +98,7 @@ class FlightMachine:
         """Arm and take off; asking again in flight changes nothing."""
         if self.state in (FlightState.ARM, *_COMMANDED):
             return None
-        why = {
-            FlightState.LAND: "the vehicle is landing",
-            FlightState.RELEASED: "somebody else has the vehicle",
-        }.get(self.state, "")
-        if not why and (lack := self._link.lacks(time_s)):
-            why = f"the autopilot is not ready: {lack}"
-        why = why or self._watch.battery_refusal
-        if why:
+        if why := self._readiness.start_hindrance(self.state, time_s):
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"start refused: {why}")
         self._enter(FlightState.ARM, time_s)
         return None
@@ -143,7 +119,8 @@ class FlightMachine:
         home = Pose(north_m, east_m, self.home.yaw_rad)
         away_m, self._homing.home = home.distance_m(self.home), home
         self._say(mavlink.MAV_SEVERITY_WARNING, f"home may be taken by a teammate; landing {away_m:.1f} m from it")
-        self.trajectory = self._homing.set_out(time_s, self._link.pose() or self._now(time_s))
+        start = self._link.pose() or self._course.pose(time_s) or home
+        self._course.trajectory = self._homing.set_out(time_s, start)
 
     def rejoin(self, time_s: float) -> bool:
         """Take up a vehicle that this stack flew before it was started anew; whether that is possible now.
@@ -151,20 +128,14 @@ class FlightMachine:
         It is in the air, and either still in the guided mode or in a failsafe that ends when the stream goes on. Its
         home is the configured one: where it stood when it armed is forgotten.
         """
-        link, heard = self._link, self._link.heard
-        idle = self.state in (FlightState.WAIT, FlightState.STANDBY)
-        flies = link.alive(time_s) and heard.armed and heard.on_ground is False and link.has_position(time_s)
-        ours = heard.mode == link.behaviour.guided_mode or (heard.failsafe and link.behaviour.returns_from_failsafe)
-        if not (idle and flies and ours):
+        if not self._readiness.may_rejoin(self.state, time_s):
             return False
         self._homing.home = self._vehicle.home_pose
-        self.trajectory = None
-        self._next = None
+        self._course.begin(None, self._link.down_m)
         self._paused = False
-        self._height = HeightReference(self._measured_down_m)
         self._ordered = None
         self._watch.begin(launched_s=time_s)  # as after a launch, heartbeats are late
-        self._say(mavlink.MAV_SEVERITY_NOTICE, f"in the air in {link.mode_name}: taking the vehicle up again")
+        self._say(mavlink.MAV_SEVERITY_NOTICE, f"in the air in {self._link.mode_name}: taking the vehicle up again")
         self._enter(FlightState.HOLD, time_s)
         return True
 
@@ -173,8 +144,7 @@ class FlightMachine:
         if self.state not in (FlightState.HOLD, FlightState.TRACK):
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"pause refused: state is {self.state.name}")
         self._paused = True
-        self._next = None
-        self._flown_until_s = math.inf
+        self._course.forget_plans()
         if self.state is FlightState.TRACK:
             self._enter(FlightState.HOLD, time_s)
         return None
@@ -226,15 +196,11 @@ class FlightMachine:
 
     def fly(self, trajectory: Trajectory, start_s: float, end_s: float) -> None:
         """Fly a trajectory from ``start_s`` on; it ends at ``end_s`` unless another one follows."""
-        self._next = (start_s, trajectory, end_s)
+        self._course.take(trajectory, start_s, end_s)
 
     def reference_pose(self, time_s: float) -> Pose:
         """Where the vehicle should be at a time (now or soon), by what is flown and what follows it."""
-        if self._next is not None and time_s >= self._next[0]:
-            return self._next[1].reference(time_s).pose
-        if self.trajectory is not None:
-            return self.trajectory.reference(time_s).pose
-        return self._link.pose() or self.home
+        return self._course.pose_ahead(time_s) or self._link.pose() or self.home
 
     @property
     def measured_pose(self) -> Pose | None:
@@ -243,14 +209,14 @@ class FlightMachine:
 
     def tracking_error_m(self, time_s: float) -> float | None:
         """Horizontal distance between where the vehicle is and should be, m; None when no plan is flown."""
-        measured = self.measured_pose
-        if self.state is not FlightState.TRACK or measured is None or self.trajectory is None:
+        measured, planned = self.measured_pose, self._course.pose(time_s)
+        if self.state is not FlightState.TRACK or measured is None or planned is None:
             return None
-        return measured.distance_m(self.trajectory.reference(time_s).pose)
+        return measured.distance_m(planned)
 
     def plan_age_s(self, time_s: float) -> float | None:
         """Since the start of the plan that is flown, s; None when none is flown."""
-        return time_s - self._flown_from_s if self.state is FlightState.TRACK else None
+        return self._course.age_s(time_s) if self.state is FlightState.TRACK else None
 
     def events(self) -> list[Event]:
         """What happened since the last call."""
@@ -277,31 +243,30 @@ class FlightMachine:
             self._enter(state, time_s)
         elapsed = min(max(time_s - self._last_tick_s, 0.0), 0.1)
         self._last_tick_s = time_s
-        if not self._streams or self.trajectory is None:
-            return None
-        self._move_height(elapsed)
+        return self._setpoint(time_s, elapsed) if self._streams else None
+
+    def _setpoint(self, time_s: float, elapsed_s: float) -> Setpoint | None:
+        course, link = self._course, self._link
+        if course.trajectory is not None and self.state not in (FlightState.ARM, FlightState.LAND):
+            course.move_height(elapsed_s)
         measured, down_m = None, None
-        if self.state is not FlightState.ARM and self._link.has_position(time_s) and not self.blind:
-            measured, down_m = self._link.pose(), self._measured_down_m
-        trajectory = self.trajectory
-        if self._next is not None and self.state in (FlightState.HOLD, FlightState.TRACK):
-            trajectory = Followed(trajectory, self._next[1], self._next[0])
-        response = self._link.behaviour.response
-        setpoint = self._tracker.setpoint(trajectory, time_s, self._height, measured, down_m, response)
-        brake_m_s = self._link.motion.brake_m_s if self._held else None
-        return setpoint if brake_m_s is None else setpoint.at_velocity(*brake_m_s)
+        if self.state is not FlightState.ARM and link.has_position(time_s) and not self.blind:
+            measured, down_m = link.pose(), link.down_m
+        with_next = self.state in (FlightState.HOLD, FlightState.TRACK)
+        setpoint = course.setpoint(time_s, measured, down_m, link.behaviour.response, with_next=with_next)
+        brake_m_s = link.motion.brake_m_s if self._held else None
+        return setpoint if setpoint is None or brake_m_s is None else setpoint.at_velocity(*brake_m_s)
 
     @property
     def _streams(self) -> bool:
         """Whether the autopilot wants setpoints now; on landing until it has taken the command to land."""
         if self.state in (FlightState.ARM, FlightState.TAKEOFF):
             return self._link.behaviour.streams_before_takeoff
-        return self.state in _FLOWN or (self.state is FlightState.LAND and not self._land_taken)
+        return self.state in _FLOWN or (self.state is FlightState.LAND and not self._landing.taken)
 
     def _enter(self, state: FlightState, time_s: float) -> None:
         previous, self.state = self.state, state
         self._since_s = time_s
-        self._command_s = -math.inf
         self._events += self.ladder.events()  # the reason comes before what comes of it
         self._say(mavlink.MAV_SEVERITY_INFO, f"{previous.name} -> {state.name}")
         if state not in (FlightState.ARM, *_COMMANDED):
@@ -311,31 +276,21 @@ class FlightMachine:
             self._begin_flight(time_s)
         elif state is FlightState.TAKEOFF:
             self._watch.begin(launched_s=time_s)
-            self._near_layer_s = math.inf
+            self._ascent.climb()
         elif state is FlightState.HOLD:
-            self.trajectory = Hold(self._hover_pose(time_s))
+            self._course.trajectory = Hold(self._hover_pose(time_s))
             self._start_stream(previous)
         elif state is FlightState.RETURN:
-            self._next = None
-            self.trajectory = self._homing.set_out(time_s, self._stopped(time_s))
+            self._course.drop_next()
+            self._course.trajectory = self._homing.set_out(time_s, self._course.rest(time_s) or self.home)
             self._start_stream(previous)
         elif state is FlightState.LAND:
-            self._land_taken = previous is FlightState.ARM
-            self._land_shown = False
-
-    def _stopped(self, time_s: float) -> Pose:
-        """Where the vehicle is at rest when it stops now: it has a way to go, and another one would be behind it."""
-        now = self.trajectory.reference(time_s) if self.trajectory is not None else Hold(self.home).reference(time_s)
-        return Pose(
-            now.pose.north_m + STOPS_S * now.velocity_north_m_s,
-            now.pose.east_m + STOPS_S * now.velocity_east_m_s,
-            now.pose.yaw_rad,
-        )
+            self._landing.begin(standing=previous is FlightState.ARM)
 
     def _start_stream(self, previous: FlightState) -> None:
         """Where the autopilot took off by itself, its height is not ours yet."""
         if previous is FlightState.TAKEOFF and not self._link.behaviour.streams_before_takeoff:
-            self._height = HeightReference(self._measured_down_m)
+            self._course.height = HeightReference(self._link.down_m)
 
     def _begin_flight(self, time_s: float) -> None:
         """Home is where the vehicle stands when it arms."""
@@ -345,66 +300,40 @@ class FlightMachine:
         if stray > OVER_HOME_M:
             self._say(mavlink.MAV_SEVERITY_WARNING, f"stands {stray:.1f} m from its configured home; will land here")
         self._homing.home = measured
-        self.trajectory = Hold(measured)
-        self._next = None
+        self._course.begin(Hold(measured), self._link.down_m)
         self._paused = False
-        self._height = HeightReference(self._measured_down_m)
-        self._flown_until_s = math.inf
-        self._refused = ""
         self._watch.begin()
-        behaviour = self._link.behaviour
-        begin_s = time_s + (STREAM_BEFORE_LAUNCH_S if behaviour.streams_before_takeoff else 0.0)
-        self._launch = Launch(behaviour.launch(self._vehicle.layer_m + self._height.down_m), begin_s)
-
-    def _now(self, time_s: float) -> Pose:
-        return self.trajectory.reference(time_s).pose if self.trajectory is not None else self.home
-
-    def _move_height(self, elapsed_s: float) -> None:
-        if self.state in (FlightState.ARM, FlightState.LAND) or elapsed_s <= 0.0:
-            return
-        step = self._config.climb_m_s * elapsed_s
-        move = min(max(-self._vehicle.layer_m - self._height.down_m, -step), step)
-        self._height = HeightReference(self._height.down_m + move, move / elapsed_s)
+        self._ascent.begin(self._link.down_m, time_s)
 
     # One method for each state: does its work, names the next state.
 
     def _wait(self, time_s: float, may_descend: bool) -> FlightState:
-        lack = self._link.lacks(time_s)
-        known, since_s = self._lack
-        if lack != known:
-            self._lack = (lack, time_s)
-        elif lack and time_s - since_s > LACK_PATIENCE_S:
-            self._lack = (lack, math.inf)
+        if lack := self._readiness.news(time_s):
             self._say(mavlink.MAV_SEVERITY_NOTICE, f"waiting for the autopilot: {lack}")
-        return FlightState.WAIT if lack else FlightState.STANDBY
+        return self._standby(time_s, may_descend)
 
     def _standby(self, time_s: float, may_descend: bool) -> FlightState:
-        return FlightState.WAIT if self._link.lacks(time_s) else FlightState.STANDBY
+        return FlightState.STANDBY if self._readiness.ready(time_s) else FlightState.WAIT
 
     def _arm(self, time_s: float, may_descend: bool) -> FlightState:
-        if self._launch.advance(self._link, time_s):
-            return FlightState.TAKEOFF
-        return FlightState.ARM
+        return FlightState.TAKEOFF if self._ascent.launched(time_s) else FlightState.ARM
 
     def _takeoff(self, time_s: float, may_descend: bool) -> FlightState:
-        error = self._off_layer_m()
-        self._near_layer_s = min(self._near_layer_s, time_s) if error < NEAR_LAYER_M else math.inf
-        reached = error < AT_LAYER_M or time_s - self._near_layer_s > NEAR_LAYER_PATIENCE_S
-        return FlightState.HOLD if reached else FlightState.TAKEOFF
+        return FlightState.HOLD if self._ascent.arrived(time_s) else FlightState.TAKEOFF
 
     def _hold(self, time_s: float, may_descend: bool) -> FlightState:
-        if self._paused or self._held or self._next is None or time_s < self._next[0]:
+        if self._paused or self._held or not self._course.next_due(time_s):
             return FlightState.HOLD
-        self._switch()
+        self._course.switch()
         return FlightState.TRACK
 
     def _track(self, time_s: float, may_descend: bool) -> FlightState:
-        if self._next is not None and time_s >= self._next[0]:
-            self._switch()
+        if self._course.next_due(time_s):
+            self._course.switch()
         return FlightState.TRACK
 
     def _return(self, time_s: float, may_descend: bool) -> FlightState:
-        if self._homing.lands(time_s, at_layer=self._off_layer_m() < NEAR_LAYER_M, may_descend=may_descend):
+        if self._homing.lands(time_s, at_layer=self._ascent.near_layer, may_descend=may_descend):
             return FlightState.LAND
         if time_s >= self._homing.by_s:
             why = self._homing.hindrance(may_descend=may_descend)
@@ -413,16 +342,7 @@ class FlightMachine:
         return FlightState.RETURN
 
     def _land(self, time_s: float, may_descend: bool) -> FlightState:
-        heard, behaviour = self._link.heard, self._link.behaviour
-        if heard.on_ground and not heard.armed:
-            return FlightState.LANDED
-        if heard.mode == behaviour.land_mode:
-            self._land_taken = self._land_shown = True
-        asked = self._link.busy(mavlink.MAV_CMD_DO_SET_MODE) or time_s - self._command_s < COMMAND_RETRY_S
-        if heard.mode != behaviour.land_mode and not asked and self._watch.holder is not Holder.AUTOPILOT:
-            self._command_s = time_s
-            self._link.ask(behaviour.mode(behaviour.land_mode), time_s)
-        return FlightState.LAND
+        return FlightState.LANDED if self._landing.down(time_s, self._watch.holder) else FlightState.LAND
 
     def _landed(self, time_s: float, may_descend: bool) -> FlightState:
         return FlightState.LANDED
@@ -440,12 +360,11 @@ class FlightMachine:
                 explanation = self._link.explanation(time_s)
                 text = f"{outcome} ({explanation})" if explanation else f"{outcome}"
                 self._say(mavlink.MAV_SEVERITY_WARNING, f"autopilot: {text}")
-                self._refused = text
+                self._ascent.refused(text)
             elif self.state is FlightState.ARM:
-                self._launch.accepted(outcome, time_s)
-                self._refused = ""
-            elif self.state is FlightState.LAND and outcome.command == mavlink.MAV_CMD_DO_SET_MODE:
-                self._land_taken = True
+                self._ascent.accepted(outcome, time_s)
+            elif self.state is FlightState.LAND:
+                self._landing.accepted(outcome)
 
     # The ladder.
 
@@ -464,23 +383,16 @@ class FlightMachine:
 
     def _seen(self, time_s: float) -> dict[Condition, str]:
         seen = self._watch.seen(time_s, flown=self.state in _COMMANDED)
-        heard, lasts_s = self._link.heard, time_s - self._since_s
+        lasts_s = time_s - self._since_s
         if self._ordered is not None:
             seen[self._ordered] = ""
         if self.state is FlightState.ARM:
-            if self._refused:
-                seen[Condition.ARMING_REFUSED] = self._refused
-            if lasts_s > LAUNCH_PATIENCE_S:
-                seen[Condition.NOT_LAUNCHED] = self._launch.waits_for(self._link)
+            seen |= self._ascent.seen_launching(lasts_s)
         elif self.state is FlightState.TAKEOFF:
-            climb_s = self._vehicle.layer_m / self._config.climb_m_s
-            if lasts_s > self._config.takeoff_patience_s + 2.0 * climb_s:
-                seen[Condition.LAYER_NOT_REACHED] = f"{self._off_layer_m():.1f} m off"
+            seen |= self._ascent.seen_climbing(lasts_s)
         elif self.state is FlightState.LAND:
-            other = heard.mode != self._link.behaviour.land_mode and heard.armed and not heard.failsafe
-            if self._land_shown and other:
-                seen[Condition.TAKEN_OVER] = f"mode {self._link.mode_name}"
-        elif self.wants_plans and self._next is None and time_s >= self._flown_until_s:
+            seen |= self._landing.seen()
+        elif self.wants_plans and self._course.flown_out(time_s):
             seen[Condition.PLAN_FLOWN_OUT] = ""
         return seen
 
@@ -491,23 +403,11 @@ class FlightMachine:
 
     def _hover_pose(self, time_s: float) -> Pose:
         """Where to hover: where the trajectory is, unless it is not to be relied on."""
-        if self._held or self.trajectory is None:
-            self._next, self._flown_until_s = None, math.inf
+        planned = self._course.pose(time_s)
+        if planned is None or self._held:
+            self._course.forget_plans()
             return self._link.pose() or self.home
-        return self._now(time_s)
-
-    def _switch(self) -> None:
-        if self._next is not None:
-            self._flown_from_s, self.trajectory, self._flown_until_s = self._next
-            self._next = None
-
-    @property
-    def _measured_down_m(self) -> float:
-        position = self._link.position
-        return 0.0 if position is None else position[2]
-
-    def _off_layer_m(self) -> float:
-        return abs(self._measured_down_m + self._vehicle.layer_m)
+        return planned
 
     def _say(self, severity: int, text: str) -> None:
         self._events.append(Event(severity, text))
