@@ -32,6 +32,7 @@ from gcs.vehicle_state import VehicleState
 from onboard.config import Scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
+from sim_bridge.faults import TAKEN_OFF_M
 
 __all__ = ["FlightOptions", "FlightResult", "Programs", "fly"]
 
@@ -266,7 +267,7 @@ class _Flight:
         faults = self._faults
         while True:
             now = time.time()
-            if faults.schedule.takeoff_s is None and any(v.flew for v in self._station.team.state(now).vehicles):
+            if faults.schedule.takeoff_s is None and any(map(_is_up, self._station.team.state(now).vehicles)):
                 faults.schedule.take_off(now)
             for change in faults.schedule.changes(now):
                 self._say(mavlink.MAV_SEVERITY_NOTICE, change.text)
@@ -365,6 +366,11 @@ def _unready(vehicle: VehicleState) -> str:
     if not vehicle.autopilot_alive:
         return f"vehicle {vehicle.id} (no autopilot is heard)"
     return f"vehicle {vehicle.id} ({vehicle.status_text})" if vehicle.status_text else f"vehicle {vehicle.id}"
+
+
+def _is_up(vehicle: VehicleState) -> bool:
+    """Whether it has left the ground, by the same measure as in the bridge: both run scripts of faults from then on."""
+    return vehicle.height_m is not None and vehicle.height_m > TAKEN_OFF_M
 
 
 def _cpu_s() -> float:

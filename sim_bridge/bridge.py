@@ -7,13 +7,14 @@ run gives it virtual time.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Container, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 from onboard.clock import usec
 from onboard.config import Scenario
+from onboard.config.faults import Place
 from onboard.config.simulation import SimulationConfig
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.status_text import encode_status_text
@@ -21,6 +22,7 @@ from onboard.protocol.team_messages import encode_detection
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.detector import Detector
 from sim_bridge.errors import require_simulation
+from sim_bridge.faults import TAKEN_OFF_M
 from sim_bridge.faults.injection import FaultInjection
 from sim_bridge.mocap.bodies import Frame, RigidBodies
 from sim_bridge.mocap.pose import MocapPose
@@ -36,9 +38,6 @@ from sim_bridge.world import World, build_world
 __all__ = ["TRUTH_RATE_HZ", "Bridge", "Outgoing", "Port", "build_bridge"]
 
 _SIMULATED_JUMP_M = 0.3
-
-TAKEN_OFF_M = 0.3
-"""A vehicle higher than this has taken off."""
 
 TRUTH_RATE_HZ = 10.0
 """How often TARGET_TRUTH and VEHICLE_TRUTH go to the ground station."""
@@ -322,13 +321,16 @@ class Bridge:
         return math.floor((time_s + TIME_TOLERANCE_S) * TRUTH_RATE_HZ)
 
 
-def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
+def build_bridge(
+    scenario: Scenario, seed: int | None, time_s: float, places: Container[Place] = frozenset(Place)
+) -> Bridge:
     """The bridge of a scenario.
 
     Args:
         scenario: Its ``simulation`` section says what is simulated.
         seed: Decides everything random; None takes the scenario's.
         time_s: UNIX time at which it starts, s.
+        places: Whose faults of the script it makes happen and tells of; those of other places are left to others.
 
     Raises:
         BridgeError: The scenario has no ``simulation`` section, a parameter that no autopilot of the team has, or
@@ -342,7 +344,8 @@ def build_bridge(scenario: Scenario, seed: int | None, time_s: float) -> Bridge:
     if scenario.mission.position_source == "mocap":
         mocap = MotionCapture(simulation.mocap, {i: generator(seed, Stream.MOCAP, i) for i in ids}, pacer.time_s)
     targets = range(1, simulation.ground_robots.count + 1)
-    faults = FaultInjection(simulation.script, seed, ids, targets, pacer.time_s, live=simulation.allow_live_faults)
+    script = [fault for fault in simulation.script if fault.effect.place in places]
+    faults = FaultInjection(script, seed, ids, targets, pacer.time_s, live=simulation.allow_live_faults)
     return Bridge(
         world=build_world(scenario, seed, pacer.time_s, faults),
         mocap=mocap,

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from onboard.config import Scenario
+from onboard.config.faults import Place
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.transport import Link, TransportError, open_datagram_link
@@ -221,7 +222,7 @@ async def _serve(scenario: Scenario, seed: int | None) -> int:
     loop.set_exception_handler(fail)
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
-    bridge = build_bridge(scenario, seed, time.time())
+    bridge = build_bridge(scenario, seed, time.time(), {Place.BRIDGE, Place.ONBOARD})
     process = BridgeProcess(
         bridge, find_ports(scenario), simulation.system_id, time.time, ground_id=scenario.ground.system_id
     )

@@ -11,7 +11,10 @@ from dataclasses import dataclass
 
 from onboard.config.faults import Component, FaultConfig
 
-__all__ = ["Change", "Fault", "FaultSchedule"]
+__all__ = ["TAKEN_OFF_M", "Change", "Fault", "FaultSchedule"]
+
+TAKEN_OFF_M = 0.3
+"""A vehicle higher than this has left the ground."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
