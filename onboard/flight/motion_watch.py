@@ -7,7 +7,8 @@ does not convince it; a bias takes up wind and the rest of the drag (for north a
     v̇ = a − d v + b + 2ω (v_told − v),   ḃ = ω² (v_told − v).
 
 An autopilot whose position source repeats an old pose believes soon that it stands still, whatever it does: then the
-position rests while v does not. The heading that it tells is drawn to the old pose's, too, so that its own brakes pull
+position rests while v does not. Once a vehicle has braked, a frozen position looks like any hover; so it counts as frozen
+until it moves with the vehicle again, or to where the vehicle is. The heading that it tells is drawn to the old pose's, too, so that its own brakes pull
 sideways; gyroscopes tell the true one. Nothing of this depends on the clock of the onboard computer: all times are the
 autopilot's.
 """
@@ -38,6 +39,10 @@ DOUBTED = 20
 """Corrections of the velocity that are taken back when the position turns out to be frozen: 0.4 s at 50 Hz."""
 PERSISTS_S = 0.12
 """For so long, that is: a vehicle that reverses rests for a moment, too."""
+RETURNS_M = 0.25
+"""A position that comes back to life goes to where the vehicle is; a frozen one trembles less than this within ``WINDOW_S``."""
+ALONG = 0.5
+"""How far off the vehicle's own way a position may be that moves along with it, over its length."""
 JUMP_M = 0.5
 """How much farther a position that jumps has come within ``WINDOW_S`` than the vehicle has."""
 MAX_BRAKE_M_S = 1.0
@@ -156,17 +161,25 @@ class MotionWatch:
         begin, end = self._places[0], self._places[-1]
         told, flown = _between(begin.told, end.told), _between(begin.flown, end.flown)
         settled = self.velocity_m_s is not None and end.stamp_ms - begin.stamp_ms >= 0.8e3 * WINDOW_S
-        if settled and math.hypot(*told) < REST_M and (self.frozen or math.hypot(*flown) > FROZEN_M):
-            self._rests_ms = end.stamp_ms if self._rests_ms is None else self._rests_ms
-        else:
-            self._rests_ms = None
         was_frozen = self.frozen
-        self.frozen = self._rests_ms is not None and end.stamp_ms - self._rests_ms >= 1e3 * PERSISTS_S
+        if was_frozen:
+            self.frozen, self._rests_ms = settled and not _lives(told, flown), None
+        else:
+            self.frozen = self._rests(settled and math.hypot(*told) < REST_M and math.hypot(*flown) > FROZEN_M)
         if self.frozen and not was_frozen:
             for axis in (0, 1):
                 self._velocity[axis] -= sum(correction[axis] for correction in self._corrections)
         excess_m = math.dist(told, flown)
         self.jumped_m = excess_m if settled and excess_m > JUMP_M and not self.frozen else 0.0
+
+    def _rests(self, seen: bool) -> bool:
+        """Whether the position has rested for long enough while the vehicle moved."""
+        now_ms = self._places[-1].stamp_ms
+        if not seen:
+            self._rests_ms = None
+        elif self._rests_ms is None:
+            self._rests_ms = now_ms
+        return self._rests_ms is not None and now_ms - self._rests_ms >= 1e3 * PERSISTS_S
 
     def _restart(self, message: mavlink.MAVLink_local_position_ned_message) -> None:
         self.frozen, self.jumped_m, self._rests_ms = False, 0.0, None
@@ -186,6 +199,12 @@ class MotionWatch:
 
 def _between(begin: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:
     return end[0] - begin[0], end[1] - begin[1]
+
+
+def _lives(told: tuple[float, float], flown: tuple[float, float]) -> bool:
+    """Whether a position that was frozen moves as the vehicle does, or has jumped to where it is."""
+    moved_m = math.hypot(*told)
+    return moved_m > RETURNS_M or (moved_m > REST_M and math.dist(told, flown) < ALONG * moved_m)
 
 
 def _horizontal_acceleration(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float]:
