@@ -126,7 +126,7 @@ class Bridge:
             faults: What goes wrong.
             served: External vehicles that the simulated motion capture sees, too.
             bodies: The vehicles that a real motion capture system sees.
-            watches: What looks at the poses of external vehicles, by system id.
+            watches: What looks at the vehicles' poses, by system id.
         """
         self.world = world
         self.radio = faults.radio(radio)
@@ -238,16 +238,15 @@ class Bridge:
         self._hand_out(time_s)
 
     def _hand_out(self, time_s: float) -> None:
-        """Give the autopilots the poses that have arrived; external ones as often as they want them."""
+        """Give the autopilots the poses that have arrived and can be true; external ones as often as they want them."""
         for pose in self._poses.pop_due(time_s):
+            watch = self._watches.get(pose.vehicle_id)
+            if watch is not None and not watch.receive(pose, time_s):
+                continue
             vehicle = self.world.vehicles.get(pose.vehicle_id)
             if vehicle is not None:
                 vehicle.autopilot.receive_mocap(vehicle.encode_mocap(pose))
-                continue
-            watch = self._watches.get(pose.vehicle_id)
-            if watch is not None:
-                watch.receive(pose, time_s)
-            if self._is_wanted(pose):
+            elif self._is_wanted(pose):
                 self.world.external[pose.vehicle_id].receive_mocap(pose)
 
     def _is_wanted(self, pose: MocapPose) -> bool:
@@ -366,15 +365,15 @@ def build_bridge(
 
 
 def _watches(scenario: Scenario, simulation: SimulationConfig) -> dict[int, Watch]:
-    """What looks at the poses of external vehicles."""
+    """What looks at the poses of the vehicles."""
     watches = {}
     for vehicle in scenario.vehicles:
         real, simulated = scenario.mocap, simulation.mocap
-        if vehicle.external is None:
-            continue
-        if vehicle.external.pose == "mocap" and real is not None:
+        if real is not None and vehicle.external is not None and vehicle.external.pose == "mocap":
             watches[vehicle.id] = Watch(vehicle.id, real.rate_hz, real.jump_m, noisy=True)
-        elif vehicle.external.pose == "truth" and scenario.mission.position_source == "mocap":
+        elif scenario.mission.position_source == "mocap" and (
+            vehicle.external is None or vehicle.external.pose == "truth"
+        ):
             noisy = simulated.position_std_m > 0.0
             watches[vehicle.id] = Watch(vehicle.id, simulated.rate_hz, _SIMULATED_JUMP_M, noisy=noisy)
     return watches

@@ -136,7 +136,11 @@ VOCABULARY: Mapping[tuple[Component, FaultType], Effect] = MappingProxyType(
         (_C.RADIO, _T.DELAYED): Effect("datagrams come late", Place.BRIDGE, {"delay_s": _DELAY, "jitter_s": _JITTER}),
         (_C.RADIO, _T.INTERMITTENT): Effect("datagrams are lost", Place.BRIDGE, {"loss": _loss(0.3)}),
         (_C.MOCAP, _T.OFF): Effect("the vehicles are not seen", Place.BRIDGE),
-        (_C.MOCAP, _T.STUCK): Effect("poses stay what they were, with new times", Place.BRIDGE),
+        (_C.MOCAP, _T.STUCK): Effect(
+            "poses stay what they were, with new times",
+            Place.BRIDGE,
+            {"std_m": Parameter("of noise on each coordinate, which makes them look alive, m", 0.0, 0.0, 1e3)},
+        ),
         (_C.MOCAP, _T.GARBAGE): Effect(
             "poses scatter", Place.BRIDGE, {"std_m": Parameter("of each coordinate, m", 0.5, 0.0, 1e3)}
         ),

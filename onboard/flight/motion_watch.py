@@ -7,10 +7,12 @@ does not convince it; a bias takes up wind and the rest of the drag (for north a
     v̇ = a − d v + b + 2ω (v_told − v),   ḃ = ω² (v_told − v).
 
 An autopilot whose position source repeats an old pose believes soon that it stands still, whatever it does: then the
-position rests while v does not. Once a vehicle has braked, a frozen position looks like any hover; so it counts as frozen
-until it moves with the vehicle again, or to where the vehicle is. The heading that it tells is drawn to the old pose's, too, so that its own brakes pull
-sideways; gyroscopes tell the true one. Nothing of this depends on the clock of the onboard computer: all times are the
-autopilot's.
+position rests while v does not. Once the vehicle has braked, a frozen position looks like any hover's; so it counts as
+frozen until it moves with the vehicle again, or to where the vehicle is. The heading that it tells is drawn to the old
+pose's, too, so that its own brakes pull sideways; gyroscopes tell the true one. Nothing of this depends on the clock of
+the onboard computer: all times are the autopilot's.
+
+What it cannot see is a position that freezes in a hover: the vehicle drifts off slowly, and tilts as if in wind.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ DOUBTED = 20
 PERSISTS_S = 0.12
 """For so long, that is: a vehicle that reverses rests for a moment, too."""
 RETURNS_M = 0.25
-"""A position that comes back to life goes to where the vehicle is; a frozen one trembles less than this within ``WINDOW_S``."""
+"""A position that comes back to life goes to where the vehicle is; a frozen one trembles less within ``WINDOW_S``."""
 ALONG = 0.5
 """How far off the vehicle's own way a position may be that moves along with it, over its length."""
 JUMP_M = 0.5

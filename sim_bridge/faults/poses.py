@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from onboard.config.faults import Component, FaultType
 from sim_bridge.faults.schedule import Fault, FaultSchedule
@@ -35,7 +36,7 @@ class FaultyPoses(FaultyStream[MocapPose]):
         match fault.config.type:
             case FaultType.STUCK:
                 frozen = self._stuck.setdefault((fault, item.vehicle_id), item)
-                return [(due_s, replace(frozen, time_s=item.time_s))]
+                item, offset = replace(frozen, time_s=item.time_s), self._scatter(fault)
             case FaultType.SLOW:
                 key = (fault, item.vehicle_id)
                 if item.time_s < self._next_s.get(key, item.time_s):
@@ -43,8 +44,13 @@ class FaultyPoses(FaultyStream[MocapPose]):
                 self._next_s[key] = item.time_s + 1.0 / fault.value("rate_hz")
                 return [(due_s, item)]
             case FaultType.GARBAGE:
-                offset = fault.value("std_m") * self._rng.standard_normal(3)
+                offset = self._scatter(fault)
             case FaultType.WRONG:
                 offset = np.array([fault.value(name) for name in ("north_m", "east_m", "down_m")])
         north_m, east_m, down_m = (np.array(item.position) + offset).tolist()
         return [(due_s, replace(item, north_m=north_m, east_m=east_m, down_m=down_m))]
+
+    def _scatter(self, fault: Fault) -> NDArray[np.float64]:
+        """Noise; none, not even drawn, where none is asked for."""
+        std_m = fault.value("std_m")
+        return std_m * self._rng.standard_normal(3) if std_m > 0.0 else np.zeros(3)

@@ -11,7 +11,6 @@ from onboard.config.faults import Component, FaultConfig, FaultType
 from sim_bridge.reliability.flight import VICTIM
 from sim_bridge.reliability.phases import AIR, Phase
 from sim_bridge.reliability.reactions import (
-    ANYTHING,
     CARRIES_ON,
     FAILS_SAFE,
     FLIES_IN_THE_END,
@@ -176,19 +175,25 @@ _MOCAP = (
         _in(_UNAIDED, Phase.TRACKING)
         | _in(replace(_UNAIDED, reaction=LANDS_HERE), Phase.TAKEOFF, Phase.PAUSED, Phase.RETURNING),
     ),
+    Case("mocap: repeats itself for 1 s", _fault(_C.MOCAP, _T.STUCK, _ONE, 1.0), _EVERYWHERE),
     Case(
-        "mocap: frozen for 1 s",
-        _fault(_C.MOCAP, _T.STUCK, _ONE, 1.0),
+        "mocap: repeats itself for 4 s",
+        _fault(_C.MOCAP, _T.STUCK, _ONE, 4.0),
+        _in(_ON, Phase.GROUND)
+        | _in(_UNAIDED, Phase.TRACKING)
+        | _in(replace(_UNAIDED, reaction=LANDS_HERE), Phase.TAKEOFF, Phase.PAUSED, Phase.RETURNING),
+    ),
+    Case(
+        "mocap: frozen, with noise, for 1 s",
+        _fault(_C.MOCAP, _T.STUCK, _ONE, 1.0, std_m=0.003),
         _EVERYWHERE
         | _in(_FREEZES, Phase.TRACKING)
         | _in(replace(_ON, fence_m=_ASTRAY_M), Phase.PAUSED, Phase.RETURNING),
     ),
     Case(
-        "mocap: frozen for 4 s",
-        _fault(_C.MOCAP, _T.STUCK, _ONE, 4.0),
-        _in(_ON, Phase.GROUND)
-        | _in(_FREEZES_LONG, Phase.TRACKING)
-        | _in(Expected(ANYTHING, fence_m=_ASTRAY_M), Phase.TAKEOFF, Phase.PAUSED, Phase.RETURNING),
+        "mocap: frozen, with noise, for 4 s",
+        _fault(_C.MOCAP, _T.STUCK, _ONE, 4.0, std_m=0.003),
+        _in(_ON, Phase.GROUND) | _in(_FREEZES_LONG, Phase.TRACKING),
     ),
     Case("mocap: jumps by 0.3 m", _fault(_C.MOCAP, _T.WRONG, _ONE, 3.0, north_m=0.3), _EVERYWHERE),
     Case(
