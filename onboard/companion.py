@@ -41,11 +41,13 @@ from onboard.protocol.team_messages import (
     MessageError,
     encode_belief,
     encode_landmarks,
+    encode_lost_teammate,
     encode_plan,
     encode_tile,
     primitives_checksum,
     read_belief,
     read_detection,
+    read_lost_teammate,
     read_plan,
     read_status,
     read_tile,
@@ -67,6 +69,8 @@ MAX_PEER_CLOCK_ERROR_S = 60.0
 """As for signatures: a teammate's status or plan of another minute is refused, and holds nothing up for longer."""
 NEAR_STATUS_S = 0.1
 """How often teammates that are near hear where this vehicle is."""
+SETTLES_S = 0.4
+"""In about this time a multirotor takes up the velocity that it is asked for."""
 MAX_STATUS_AGE_S = 2.0
 """What is older on arrival was stamped by a wrong clock rather than under way for so long."""
 
@@ -132,6 +136,8 @@ class Companion:
         self._near_status_timer = Timer(NEAR_STATUS_S, boot_s)
         self._known: Known | None = None
         self._last_setpoint_s: float | None = None
+        self._position: tuple[float, float, float] | None = None
+        self._asked_m_s = (0.0, 0.0)
         self._last_step = -1
 
     def _signing_of(self, link: LinkName) -> LinkSigning | None:
@@ -201,6 +207,8 @@ class Companion:
                 self._last_resort.receive_plan(plan.sender, flown)
             case mavlink.MAVLink_explored_tile_message():
                 self.agent.receive_tile(read_tile(message), time_s)
+            case mavlink.MAVLink_teammate_lost_message() if message.vehicle in self._team:
+                self._last_resort.receive_lost(read_lost_teammate(message), time_s)
 
     def _status_of_now(self, message: mavlink.MAVLink_planner_status_message, time_s: float) -> PeerStatus:
         """By the own clock, as far as the peer's is known to be off."""
@@ -296,8 +304,9 @@ class Companion:
         if self._signing is not None:
             self._signing.advance(time_s)
         pose, position = self.autopilot.pose(), self.autopilot.position
+        heard_anew, self._position = position != self._position, position
         if pose is not None and position is not None:
-            self._known = Known(position, pose.yaw_rad, self.autopilot.velocity)
+            self._known = self._where(position, pose.yaw_rad, time_s)
         may_descend = True
         if self.agent is not None and self.machine.state is FlightState.RETURN:
             self._choose_landing_place(time_s)
@@ -307,7 +316,10 @@ class Companion:
             self._last_setpoint_s = None
         else:
             self._count_setpoint(time_s)
-            self.autopilot.stream(self._kept_off(setpoint, time_s), time_s, self._boot_s)
+            sent = self._kept_off(setpoint, time_s)
+            self.autopilot.stream(sent, time_s, self._boot_s)
+            if heard_anew:  # so this setpoint arrives, too, as far as anybody can know
+                self._asked_m_s = (sent.velocity_north_m_s, sent.velocity_east_m_s)
         for message in self.autopilot.poll(time_s):
             self._send(LinkName.AUTOPILOT, message)
         self._step(time_s)
@@ -323,6 +335,23 @@ class Companion:
         elif self._last_resort.near and self._near_status_timer.due(time_s):
             self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
+
+    def _where(self, position: tuple[float, float, float], yaw_rad: float, time_s: float) -> Known:
+        """Where the vehicle is and how it moves: as its autopilot says.
+
+        One that is not heard does as it was last asked to, so that teammates know where a vehicle flies on to whose
+        autopilot hears no setpoints any more; how it moved before carries it ``SETTLES_S`` farther.
+        """
+        north_m_s, east_m_s = self.autopilot.velocity
+        if self.autopilot.has_position(time_s):
+            return Known(position, yaw_rad, (north_m_s, east_m_s))
+        asked_north_m_s, asked_east_m_s = self._asked_m_s
+        carried = (
+            position[0] + SETTLES_S * (north_m_s - asked_north_m_s),
+            position[1] + SETTLES_S * (east_m_s - asked_east_m_s),
+            position[2],
+        )
+        return Known(carried, yaw_rad, self._asked_m_s)
 
     def _choose_landing_place(self, time_s: float) -> None:
         """On the way home: another place where a teammate may lie there."""
@@ -444,6 +473,8 @@ class Companion:
         self._send(LinkName.GROUND, message)
         if self._known is not None:
             self._send(LinkName.PEERS, message)
+        for lost in self._last_resort.lost(time_s):
+            self._send(LinkName.PEERS, encode_lost_teammate(lost))
 
     def status_line(self, time_s: float) -> str:
         """What it is doing, in one line for whoever looks at the computer."""

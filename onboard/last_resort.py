@@ -13,7 +13,7 @@ from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory, Reference
 from onboard.geometry import Pose
 from onboard.hearing import Hearing
-from onboard.messages import FlightState, PeerStatus
+from onboard.messages import FlightState, LostTeammate, PeerStatus
 from onboard.strays import Place, Stray, Strays
 
 __all__ = ["LastResort"]
@@ -65,6 +65,14 @@ class LastResort:
         """What a peer flies from the start of this trajectory on."""
         plans = self._plans.setdefault(sender, [])
         plans[:] = [*(plan for plan in plans if plan.start_s < trajectory.start_s), trajectory][-PLANS_KEPT:]
+
+    def receive_lost(self, lost: LostTeammate, time_s: float) -> None:
+        """What a peer says, at a UNIX time, of a teammate that fell silent."""
+        self._strays.receive(lost, time_s)
+
+    def lost(self, time_s: float) -> list[LostTeammate]:
+        """What to tell others of teammates that fell silent, at a UNIX time."""
+        return self._strays.told(time_s)
 
     def filter(self, setpoint: Setpoint, time_s: float, place: Pose | None, down_m: float) -> Setpoint:
         """The setpoint with a velocity that keeps off.

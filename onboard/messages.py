@@ -131,6 +131,27 @@ class ExploredTile:
 
 
 @dataclass(frozen=True, slots=True)
+class LostTeammate:
+    """Where a teammate fell silent in the air, as somebody says who had heard it (``TEAMMATE_LOST``).
+
+    Attributes:
+        peer: System id.
+        silence_s: Since anything of it was heard last, s.
+        begin: North m, east m, where it was then.
+        end: North m, east m, to where it may have flown on, straight.
+        unsure_m: How far off this way it may be.
+        down_m: How high it was, NED.
+    """
+
+    peer: int
+    silence_s: float
+    begin: tuple[float, float]
+    end: tuple[float, float]
+    unsure_m: float
+    down_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class PeerStatus:
     """What a peer says of itself once a step (``PLANNER_STATUS``, the part that peers act on).
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from onboard.config.polygon import Point, nearest_on_segment
 from onboard.config.schema import Scenario
 from onboard.hearing import Hearing
-from onboard.messages import FlightState, PeerStatus
+from onboard.messages import FlightState, LostTeammate, PeerStatus
 
 __all__ = ["FLIES_ON_S", "SILENT_S", "Place", "Stray", "Strays"]
 
@@ -32,6 +32,9 @@ DEVIATES_M = 0.8
 
 HASTE = 1.2
 """Corrections make a vehicle faster than its plan."""
+
+SAME_S = 0.5
+"""Two who missed a teammate at nearly the same time need not correct each other."""
 
 UNSURE_M = 0.2
 MOVING_M_S = 0.3
@@ -78,11 +81,20 @@ class Stray:
         return nearest_on_segment(self.begin, self.end, to)
 
 
+@dataclass(frozen=True, slots=True)
+class _Lost:
+    """A stray that is silent, and when anything of it was heard last, by whoever noticed: UNIX time, s."""
+
+    heard_s: float
+    stray: Stray
+
+
 class Strays:
     """Judges all teammates by what was heard of them.
 
     Whoever is in range is heard, so a silent teammate is a stray only if it cannot have left the range in which it was
-    heard before: then it stays one until it is heard, or for ``flight.guard.stray_s``.
+    heard before: then it stays one until it is heard, or for ``flight.guard.stray_s``. Others who were out of its range
+    are told, for they would land where it lies.
 
     Args:
         scenario: The team, its speeds.
@@ -96,17 +108,47 @@ class Strays:
         )
         self._drift_m = scenario.flight.guard.drift_m
         self._stray_s = scenario.flight.guard.stray_s
-        self._lost: dict[int, tuple[float, Stray]] = {}
+        self._lost: dict[int, _Lost] = {}
 
     @property
     def lost(self) -> list[Stray]:
-        """Silent teammates where they fell silent, however long ago: they may lie there."""
-        return [stray for peer in self._lost if (stray := self._still_lost(peer)) is not None]
+        """Teammates that may lie where they fell silent, or where nobody flew them any more, however long ago."""
+        adrift = [self._where_it_says(status) for status in self._hearing.statuses if status.adrift]
+        return [*(lost.stray for lost in self._still_lost()), *adrift]
 
-    def _still_lost(self, peer: int) -> Stray | None:
-        """A stray that has been silent since it became one."""
-        heard_s, stray = self._lost.get(peer, (-math.inf, None))
-        return stray if self._hearing.peers[peer].heard_s == heard_s else None
+    def _still_lost(self) -> list[_Lost]:
+        """Those that nobody has been heard to hear since."""
+        return [lost for peer, lost in self._lost.items() if self._heard_s(peer) <= lost.heard_s]
+
+    def _heard_s(self, peer: int) -> float:
+        heard = self._hearing.peers.get(peer)
+        return -math.inf if heard is None else heard.heard_s
+
+    def receive(self, lost: LostTeammate, time_s: float) -> None:
+        """Somebody says, at a UNIX time, where a teammate fell silent that this robot does not hear either.
+
+        Who heard it last knows best. A teammate of which something was heard later, by anybody who said so, is not
+        where it was said to be before.
+        """
+        heard_s = time_s - lost.silence_s
+        known = self._lost.get(lost.peer)
+        if heard_s > self._heard_s(lost.peer) and (known is None or heard_s > known.heard_s + SAME_S):
+            stray = Stray(lost.peer, lost.begin, lost.end, lost.unsure_m, lost.down_m, sinks=False)
+            self._lost[lost.peer] = _Lost(heard_s, stray)
+
+    def told(self, time_s: float) -> list[LostTeammate]:
+        """What to tell others at a UNIX time of those who are lost."""
+        return [
+            LostTeammate(
+                lost.stray.peer,
+                time_s - lost.heard_s,
+                lost.stray.begin,
+                lost.stray.end,
+                lost.stray.unsure_m,
+                lost.stray.down_m,
+            )
+            for lost in self._still_lost()
+        ]
 
     def find(
         self, time_s: float, here: Point, down_m: float, place: Callable[[PeerStatus, float], Place]
@@ -119,29 +161,29 @@ class Strays:
             down_m: Its height, NED, m.
             place: Where a peer was at a UNIX time, by its status and what it planned.
         """
-        found = []
         for status in self._hearing.statuses:
-            stray = self._silent(status, time_s, here, down_m, place) or self._told(status, time_s)
+            self._miss(status, time_s, here, down_m, place)
+        found = {lost.stray.peer: lost.stray for lost in self._still_lost() if time_s - lost.heard_s <= self._stray_s}
+        for status in self._hearing.statuses:
+            stray = self._told(status, time_s)
             if stray is not None:
-                found.append(stray)
-        return found
+                found.setdefault(status.sender, stray)
+        return list(found.values())
 
-    def _silent(
+    def _miss(
         self, status: PeerStatus, time_s: float, here: Point, down_m: float, place: Callable[[PeerStatus, float], Place]
-    ) -> Stray | None:
-        heard_s = self._hearing.peers[status.sender].heard_s
-        if time_s - heard_s <= SILENT_S or time_s - heard_s > self._stray_s or status.state not in _FLOWN:
-            return None
-        known = self._still_lost(status.sender)
-        if known is not None:
-            return known
+    ) -> None:
+        """Note a peer that has fallen silent although it cannot have left the range."""
+        heard_s = self._heard_s(status.sender)
+        known = self._lost.get(status.sender)
+        if not SILENT_S < time_s - heard_s <= self._stray_s or status.state not in _FLOWN:
+            return
+        if known is not None and known.heard_s >= heard_s:
+            return
         last = place(status, heard_s)
         away_m = self._may_be_away_m(status, last, time_s - heard_s, here)
-        if math.hypot(away_m, status.position[2] - down_m) > self._hearing.reach_m:
-            return None
-        stray = self._on_from(status, last, self._drift_m, sinks=False)
-        self._lost[status.sender] = (heard_s, stray)
-        return stray
+        if math.hypot(away_m, status.position[2] - down_m) <= self._hearing.reach_m:
+            self._lost[status.sender] = _Lost(heard_s, self._on_from(status, last, self._drift_m, sinks=False))
 
     def _may_be_away_m(self, status: PeerStatus, last: Place, silence_s: float, here: Point) -> float:
         """How far away, on the level, a silent peer may be if it is well: plans are made anew every second."""
@@ -164,20 +206,23 @@ class Strays:
         moved_s = self._hearing.peers[status.sender].moved_s
         if time_s - max(moved_s, status.time_s if lands else -math.inf) > self._stray_s:
             return None
-        drift_m = self._drift_m if status.adrift else 0.0
+        return self._where_it_says(status)
+
+    def _where_it_says(self, status: PeerStatus) -> Stray:
         place = Place((status.position[0], status.position[1]), status.velocity)
-        return self._on_from(status, place, drift_m, sinks=lands)
+        if status.adrift:
+            return self._on_from(status, place, self._drift_m, sinks=False)
+        return self._on_from(status, place, 0.0, sinks=True)
 
     def _on_from(self, status: PeerStatus, place: Place, drift_m: float, *, sinks: bool) -> Stray:
         (north, east), (north_m_s, east_m_s) = place.point, place.velocity
         speed_m_s = math.hypot(north_m_s, east_m_s)
-        moves = speed_m_s > MOVING_M_S
-        ahead_s = FLIES_ON_S * min(1.0, HASTE * self._speed_m_s / speed_m_s) if moves else 0.0
+        ahead_s = FLIES_ON_S * min(1.0, HASTE * self._speed_m_s / max(speed_m_s, 1e-9))
         return Stray(
             status.sender,
             (north, east),
             (north + ahead_s * north_m_s, east + ahead_s * east_m_s),
-            max(UNSURE_M, drift_m if moves else 0.0),
+            max(UNSURE_M, drift_m if speed_m_s > MOVING_M_S else 0.0),
             status.position[2],
             sinks,
         )

@@ -6389,6 +6389,7 @@ MAVLINK_MSG_ID_PLANNER_STATUS = 54104
 MAVLINK_MSG_ID_TARGET_TRUTH = 54105
 MAVLINK_MSG_ID_VEHICLE_TRUTH = 54106
 MAVLINK_MSG_ID_ARVI_LANDMARKS = 54107
+MAVLINK_MSG_ID_TEAMMATE_LOST = 54108
 MAVLINK_MSG_ID_SYS_STATUS = 1
 MAVLINK_MSG_ID_SYSTEM_TIME = 2
 MAVLINK_MSG_ID_PING = 4
@@ -6986,6 +6987,54 @@ class MAVLink_arvi_landmarks_message(MAVLink_message):
 # Define name on the class for backwards compatibility (it is now msgname).
 # Done with setattr to hide the class variable from mypy.
 setattr(MAVLink_arvi_landmarks_message, "name", mavlink_msg_deprecated_name_property())
+
+
+class MAVLink_teammate_lost_message(MAVLink_message):
+    """
+    Where a teammate fell silent in the air although it cannot have
+    left the range of somebody who heard it; told on, with each
+    PLANNER_STATUS, to those who did not. It may come down anywhere on
+    a straight way, through all layers, and lie there.
+    """
+
+    id = MAVLINK_MSG_ID_TEAMMATE_LOST
+    msgname = "TEAMMATE_LOST"
+    fieldnames = ["silence", "north", "east", "down", "north_end", "east_end", "unsure", "vehicle"]
+    ordered_fieldnames = ["silence", "north", "east", "down", "north_end", "east_end", "unsure", "vehicle"]
+    fieldtypes = ["float", "float", "float", "float", "float", "float", "float", "uint8_t"]
+    fielddisplays_by_name: Dict[str, str] = {}
+    fieldenums_by_name: Dict[str, str] = {}
+    fieldunits_by_name: Dict[str, str] = {"silence": "s", "north": "m", "east": "m", "down": "m", "north_end": "m", "east_end": "m", "unsure": "m"}
+    native_format = bytearray(b"<fffffffB")
+    orders = [0, 1, 2, 3, 4, 5, 6, 7]
+    lengths = [1, 1, 1, 1, 1, 1, 1, 1]
+    array_lengths = [0, 0, 0, 0, 0, 0, 0, 0]
+    crc_extra = 183
+    unpacker = struct.Struct("<fffffffB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, silence: float, north: float, east: float, down: float, north_end: float, east_end: float, unsure: float, vehicle: int):
+        MAVLink_message.__init__(self, MAVLink_teammate_lost_message.id, MAVLink_teammate_lost_message.msgname)
+        self._fieldnames = MAVLink_teammate_lost_message.fieldnames
+        self._instance_field = MAVLink_teammate_lost_message.instance_field
+        self._instance_offset = MAVLink_teammate_lost_message.instance_offset
+        self.silence = silence
+        self.north = north
+        self.east = east
+        self.down = down
+        self.north_end = north_end
+        self.east_end = east_end
+        self.unsure = unsure
+        self.vehicle = vehicle
+
+    def pack(self, mav: "MAVLink", force_mavlink1: bool = False) -> bytes:
+        return self._pack(mav, self.crc_extra, self.unpacker.pack(self.silence, self.north, self.east, self.down, self.north_end, self.east_end, self.unsure, self.vehicle), force_mavlink1=force_mavlink1)
+
+
+# Define name on the class for backwards compatibility (it is now msgname).
+# Done with setattr to hide the class variable from mypy.
+setattr(MAVLink_teammate_lost_message, "name", mavlink_msg_deprecated_name_property())
 
 
 class MAVLink_sys_status_message(MAVLink_message):
@@ -17069,6 +17118,7 @@ mavlink_map: Dict[int, Type[MAVLink_message]] = {
     MAVLINK_MSG_ID_TARGET_TRUTH: MAVLink_target_truth_message,
     MAVLINK_MSG_ID_VEHICLE_TRUTH: MAVLink_vehicle_truth_message,
     MAVLINK_MSG_ID_ARVI_LANDMARKS: MAVLink_arvi_landmarks_message,
+    MAVLINK_MSG_ID_TEAMMATE_LOST: MAVLink_teammate_lost_message,
     MAVLINK_MSG_ID_SYS_STATUS: MAVLink_sys_status_message,
     MAVLINK_MSG_ID_SYSTEM_TIME: MAVLink_system_time_message,
     MAVLINK_MSG_ID_PING: MAVLink_ping_message,
@@ -17982,6 +18032,44 @@ class MAVLink(object):
 
         """
         self.send(self.arvi_landmarks_encode(time_usec, north, east, count), force_mavlink1=force_mavlink1)
+
+    def teammate_lost_encode(self, silence: float, north: float, east: float, down: float, north_end: float, east_end: float, unsure: float, vehicle: int) -> MAVLink_teammate_lost_message:
+        """
+        Where a teammate fell silent in the air although it cannot have left
+        the range of somebody who heard it; told on, with each
+        PLANNER_STATUS, to those who did not. It may come down
+        anywhere on a straight way, through all layers, and lie there.
+
+        silence                   : Since anything of it was heard last. [s] (type:float)
+        north                     : Where it was then, mission frame. [m] (type:float)
+        east                      : Where it was then, mission frame. [m] (type:float)
+        down                      : Where it was then, mission frame. [m] (type:float)
+        north_end                 : To where it may have flown on, mission frame. [m] (type:float)
+        east_end                  : To where it may have flown on, mission frame. [m] (type:float)
+        unsure                    : How far off this way it may be. [m] (type:float)
+        vehicle                   : System id of the teammate. (type:uint8_t)
+
+        """
+        return MAVLink_teammate_lost_message(silence, north, east, down, north_end, east_end, unsure, vehicle)
+
+    def teammate_lost_send(self, silence: float, north: float, east: float, down: float, north_end: float, east_end: float, unsure: float, vehicle: int, force_mavlink1: bool = False) -> None:
+        """
+        Where a teammate fell silent in the air although it cannot have left
+        the range of somebody who heard it; told on, with each
+        PLANNER_STATUS, to those who did not. It may come down
+        anywhere on a straight way, through all layers, and lie there.
+
+        silence                   : Since anything of it was heard last. [s] (type:float)
+        north                     : Where it was then, mission frame. [m] (type:float)
+        east                      : Where it was then, mission frame. [m] (type:float)
+        down                      : Where it was then, mission frame. [m] (type:float)
+        north_end                 : To where it may have flown on, mission frame. [m] (type:float)
+        east_end                  : To where it may have flown on, mission frame. [m] (type:float)
+        unsure                    : How far off this way it may be. [m] (type:float)
+        vehicle                   : System id of the teammate. (type:uint8_t)
+
+        """
+        self.send(self.teammate_lost_encode(silence, north, east, down, north_end, east_end, unsure, vehicle), force_mavlink1=force_mavlink1)
 
     def sys_status_encode(self, onboard_control_sensors_present: int, onboard_control_sensors_enabled: int, onboard_control_sensors_health: int, load: int, voltage_battery: int, current_battery: int, battery_remaining: int, drop_rate_comm: int, errors_comm: int, errors_count1: int, errors_count2: int, errors_count3: int, errors_count4: int, onboard_control_sensors_present_extended: int = 0, onboard_control_sensors_enabled_extended: int = 0, onboard_control_sensors_health_extended: int = 0) -> MAVLink_sys_status_message:
         """

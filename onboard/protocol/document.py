@@ -64,6 +64,9 @@ USES: Mapping[str, Use] = {
         "each step τ, one a tile that changed; each tile again every 16 steps, one an age",
     ),
     "PLANNER_STATUS": Use("onboard", "onboard of neighbours (peers), ground station (ground)", "each step τ"),
+    "TEAMMATE_LOST": Use(
+        "onboard", "onboard of neighbours (peers)", "with each PLANNER_STATUS, one a teammate that is lost"
+    ),
     "TARGET_TRUTH": Use("sim_bridge", "ground station (ground)", "10 Hz, one a target"),
     "ARVI_LANDMARKS": Use("onboard", "ground station (ground)", "every other step"),
     "VEHICLE_TRUTH": Use("sim_bridge", "ground station (ground)", "10 Hz, one a vehicle"),

@@ -17,7 +17,7 @@ from onboard.clock import MissionClock, usec
 from onboard.errors import OnboardError
 from onboard.estimation.target_models import TargetModel
 from onboard.geometry import Pose
-from onboard.messages import Belief, Detection, ExploredTile, FlightState, PeerPlan, PeerStatus
+from onboard.messages import Belief, Detection, ExploredTile, FlightState, LostTeammate, PeerPlan, PeerStatus
 from onboard.planning.primitives import Primitive
 from onboard.protocol import dialect as mavlink
 
@@ -26,12 +26,14 @@ __all__ = [
     "encode_belief",
     "encode_detection",
     "encode_landmarks",
+    "encode_lost_teammate",
     "encode_plan",
     "encode_tile",
     "primitives_checksum",
     "read_belief",
     "read_detection",
     "read_landmarks",
+    "read_lost_teammate",
     "read_plan",
     "read_status",
     "read_tile",
@@ -41,6 +43,9 @@ _MODELS = (TargetModel.DOUBLE_INTEGRATOR, TargetModel.RANDOM_WALK, TargetModel.S
 _GRID_TOLERANCE = 0.02
 MAX_CONTROLS = 64
 MAX_LANDMARKS = 24
+MAX_UNSURE_M = 10.0
+MAX_WAY_M = 100.0
+"""Of what is said of a lost teammate: longer than a vehicle flies on for, and it would ban all from everywhere."""
 
 
 class MessageError(OnboardError):
@@ -240,6 +245,32 @@ def read_status(message: mavlink.MAVLink_planner_status_message) -> PeerStatus:
         velocity=velocity,
         adrift=bool(message.adrift),
     )
+
+
+def encode_lost_teammate(lost: LostTeammate) -> mavlink.MAVLink_teammate_lost_message:
+    """``TEAMMATE_LOST`` of a lost teammate."""
+    return mavlink.MAVLink_teammate_lost_message(
+        lost.silence_s, *lost.begin, lost.down_m, *lost.end, lost.unsure_m, lost.peer
+    )
+
+
+def read_lost_teammate(message: mavlink.MAVLink_teammate_lost_message) -> LostTeammate:
+    """The lost teammate in a ``TEAMMATE_LOST``.
+
+    Raises:
+        MessageError: A value that is not finite, a negative silence, or a way that no vehicle flies on for.
+    """
+    begin, end = (message.north, message.east), (message.north_end, message.east_end)
+    if not all(math.isfinite(value) for value in (*begin, *end, message.down)):
+        raise MessageError(f"TEAMMATE_LOST of vehicle {message.vehicle} has a place that is not finite")
+    if not 0.0 <= message.silence < math.inf:
+        raise MessageError(f"TEAMMATE_LOST.silence = {message.silence} s; it is finite and not negative")
+    if not (0.0 <= message.unsure <= MAX_UNSURE_M and math.dist(begin, end) <= MAX_WAY_M):
+        raise MessageError(
+            f"TEAMMATE_LOST of vehicle {message.vehicle}: a way of {math.dist(begin, end):g} m give or take "
+            f"{message.unsure:g} m; at most {MAX_WAY_M:g} m and {MAX_UNSURE_M:g} m"
+        )
+    return LostTeammate(message.vehicle, message.silence, begin, end, message.unsure, message.down)
 
 
 def _step(time_usec: int, clock: MissionClock, name: str) -> int:

@@ -4,6 +4,8 @@ Each flight takes about a minute, on PX4's default ports, so they are not in ``m
 """
 
 import json
+import math
+import random
 import subprocess
 import sys
 from pathlib import Path
@@ -41,6 +43,16 @@ class Flown:
 
     def vehicle(self, number):
         return self.summary["vehicles"][number - 1]
+
+    def at(self, text):
+        """Where a text comes first in what was told; infinity if nowhere."""
+        place = self.text.find(text)
+        return place if place >= 0 else math.inf
+
+    def failed_safe(self, number):
+        """Where its autopilot began to land it without having been told to by anybody; infinity if nowhere."""
+        lands = self.at(f"vehicle {number}: mode OFFBOARD → LAND")
+        return lands if lands < self.at(f"vehicle {number}: landing ordered") else math.inf
 
     def check_all_down_and_apart(self, *numbers):
         for number in numbers:
@@ -88,11 +100,32 @@ def test_the_team_flies_on(fly, faults):
 
 def test_a_killed_process_leaves_its_vehicle_in_its_autopilots_failsafe_and_the_others_flying(fly):
     flown = fly(fault("process", "off", None))
-    assert "vehicle 2: mode OFFBOARD → LAND" in flown.text
+    assert flown.failed_safe(2) < math.inf
     assert "vehicle 2: Disarmed by landing" in flown.text
-    for vehicle in (1, 3):
-        assert f"vehicle {vehicle}: mode OFFBOARD → LAND" not in flown.text
-    flown.check_all_down_and_apart(1, 3)
+    assert flown.failed_safe(1) == flown.failed_safe(3) == math.inf
+    flown.check_all_down_and_apart(1, 2, 3)
+
+
+@pytest.mark.parametrize("seed", range(1, 18))
+def test_any_process_may_be_killed_at_any_moment(fly, seed):
+    """Each vehicle's once a flight, from its take-off to its landing: 51 moments in all."""
+    draw = random.Random(seed)
+    moments = {number: draw.uniform(0.5, 38.0) for number in (1, 2, 3)}
+    flown = fly(*(fault("process", "off", None, (number,)) | {"from_s": at_s} for number, at_s in moments.items()))
+    for number in moments:
+        killed = flown.at(f"fault begins: process off, vehicles {number}")
+        assert flown.failed_safe(number) > killed, "whose process lives flies on"
+        if killed < flown.at(f"vehicle {number}: landing ordered"):
+            assert flown.failed_safe(number) < math.inf, "whose process is dead is landed by its autopilot"
+    flown.check_all_down_and_apart(1, 2, 3)
+
+
+def test_a_process_that_starts_again_takes_its_vehicle_up_in_the_air(fly):
+    flown = fly(fault("process", "off", 0.5, (3,)))
+    rejoined = flown.at("vehicle 3: in the air in")
+    assert flown.at("fault ends: process off, vehicles 3") < rejoined < math.inf
+    assert "vehicle 3: HOLD -> TRACK" in flown.text[rejoined:]
+    flown.check_all_down_and_apart(1, 2, 3)
 
 
 def test_a_stopped_process_takes_its_vehicle_up_again(fly):

@@ -11,7 +11,7 @@ from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.hearing import Hearing
 from onboard.last_resort import LastResort
-from onboard.messages import FlightState, PeerStatus
+from onboard.messages import FlightState, LostTeammate, PeerStatus
 from onboard.planning.primitives import Primitive
 from onboard.strays import FLIES_ON_S, SILENT_S
 
@@ -88,6 +88,7 @@ def test_who_says_that_nobody_flies_it_is_kept_off_in_all_layers_while_its_place
     hearing.receive(2, frozen_s)
     hearing.receive_status(dataclasses.replace(status, time_s=frozen_s), None, BELOW_M, frozen_s)
     assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M) == []
+    assert [stray.peer for stray in resort.lying] == [2], "and nobody lands where it was"
     measured = dataclasses.replace(status, position=(2.0, 4.01, -1.2), time_s=frozen_s)
     hearing.receive_status(measured, None, BELOW_M, frozen_s)
     assert len(resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M)) == 1
@@ -114,3 +115,35 @@ def test_a_turn_is_flown_on_straight() -> None:
     assert stray.begin == pytest.approx((last.pose.north_m, last.pose.east_m))
     heading = math.atan2(stray.end[1] - stray.begin[1], stray.end[0] - stray.begin[0])
     assert heading == pytest.approx(0.5), "of the plan when it was heard last"
+
+
+def test_those_who_did_not_hear_a_teammate_are_told_where_it_fell_silent() -> None:
+    (witness, _), here = last_heard(STATUS), (2.4, 3.0)
+    witness.obstructions(NOW + SILENT_S + 0.1, here, BELOW_M)
+    (lost,) = witness.lost(NOW + 5.0)
+    assert (lost.peer, lost.silence_s) == (2, pytest.approx(5.0))
+    hearing = Hearing()
+    far_off = LastResort(LAB, LAB.vehicle(3), hearing)
+    far_off.receive_lost(lost, NOW + 5.1)
+    (other,) = far_off.obstructions(NOW + 5.2, here, BELOW_M)
+    assert (other.north_m, other.east_m) == pytest.approx((2.4, 4.0))
+    assert not far_off.may_descend((2.4, 3.5))
+    (again,) = far_off.lost(NOW + 6.0)
+    assert again.silence_s == pytest.approx(5.9), "told on, and no fresher for that"
+    assert far_off.obstructions(NOW + GUARD.stray_s + 0.2, here, BELOW_M) == []
+    assert [stray.peer for stray in far_off.lying] == [2]
+    hearing.receive(2, NOW + 30.0)
+    assert far_off.lying == []
+    assert far_off.lost(NOW + 30.0) == []
+
+
+def test_what_is_told_of_a_teammate_that_was_heard_later_is_not_believed() -> None:
+    resort, hearing = last_heard(STATUS)
+    lost = LostTeammate(2, 3.0, (0.5, 0.5), (0.5, 0.5), 0.2, -1.0)
+    hearing.receive(2, NOW + 1.0)
+    resort.receive_lost(lost, NOW + 3.5)
+    assert resort.lying == []
+    resort.receive_lost(dataclasses.replace(lost, silence_s=1.0), NOW + 3.5)
+    assert [stray.begin for stray in resort.lying] == [(0.5, 0.5)], "its last witness knows best"
+    resort.receive_lost(dataclasses.replace(lost, silence_s=1.6, begin=(1.0, 1.0)), NOW + 3.5)
+    assert [stray.begin for stray in resort.lying] == [(0.5, 0.5)]

@@ -1,6 +1,8 @@
 """The dialect's team messages: what goes in comes out, what is absurd is refused by name."""
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 from onboard.clock import MissionClock
 from onboard.estimation.target_models import TargetModel
 from onboard.geometry import Pose
-from onboard.messages import Belief, Detection, ExploredTile, FlightState, PeerPlan
+from onboard.messages import Belief, Detection, ExploredTile, FlightState, LostTeammate, PeerPlan
 from onboard.planning.primitives import Primitive
 from onboard.protocol import dialect as mavlink
 from onboard.protocol import team_messages as team
@@ -134,6 +136,34 @@ def test_landmarks_survive_the_wire_as_far_as_there_is_room(count: int) -> None:
 def test_absurd_landmarks_are_refused(count: int, north: float) -> None:
     with pytest.raises(team.MessageError, match="ARVI_LANDMARKS"):
         team.read_landmarks(mavlink.MAVLink_arvi_landmarks_message(1, [north] * 24, [0.0] * 24, count))
+
+
+LOST = LostTeammate(3, 4.5, (1.0, -2.0), (2.5, -2.0), 0.25, -1.5)
+
+
+def test_a_lost_teammate_survives_the_wire() -> None:
+    assert team.read_lost_teammate(wire(team.encode_lost_teammate(LOST))) == LOST  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"silence_s": -1.0},
+        {"silence_s": math.nan},
+        {"silence_s": math.inf},
+        {"begin": (math.nan, 0.0)},
+        {"end": (2.5, math.inf)},
+        {"end": (200.0, 0.0)},
+        {"unsure_m": 1e6},
+        {"unsure_m": -0.1},
+        {"unsure_m": math.nan},
+        {"down_m": math.nan},
+    ],
+    ids=str,
+)
+def test_an_absurd_lost_teammate_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(team.MessageError, match="TEAMMATE_LOST"):
+        team.read_lost_teammate(wire(team.encode_lost_teammate(replace(LOST, **changes))))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("distance", "bearing"), [(-1.0, 0.0), (math.nan, 0.0), (1.0, math.nan), (1.0, 7.0)])
