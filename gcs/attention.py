@@ -32,6 +32,8 @@ _SKETCH_S = 5
 """Of so many seconds that are too old one is drawn, so that the picture moves whatever happens."""
 
 _TELL_AGAIN_S = 5.0
+_RELAY_SILENT_S = 2.5
+"""Silence of a station that was joined after which others can no longer be heard, s: it has missed two heartbeats."""
 _HOLES = 32
 """Holes that are remembered; who was silent before so many is silent without them."""
 
@@ -77,13 +79,17 @@ class Attention:
     """Compares what has been read with the time.
 
     Attributes:
+        relayed: Whether all comes through another ground station, which says something every second: when nothing
+            comes, it is that one which is not heard.
         heard_until_s: All that arrived before this UNIX time has been read or is known to be lost, s; None before the
             first look.
         behind_s: By how much the station has been late in the last two seconds, s; None while it keeps up.
     """
 
     def __init__(self) -> None:
+        self.relayed = False
         self.heard_until_s: float | None = None
+        self._arrived_s: float | None = None
         self._clocks: tuple[float, float] | None = None
         self._lags: deque[tuple[float, float]] = deque()
         self._behind_since_s: float | None = None
@@ -124,14 +130,20 @@ class Attention:
         self._judge(lag_s, steady_s)
         return hole
 
-    def read_to(self, arrived_s: float) -> None:
-        """What arrived at this UNIX time has been read."""
-        if self.heard_until_s is not None:
-            self.heard_until_s = max(self.heard_until_s, arrived_s)
+    def read_to(self, arrived_s: float) -> Hole | None:
+        """What arrived at this UNIX time has been read; the hole that a relay's silence has left before it."""
+        hole = None
+        if self.relayed and self._arrived_s is not None and arrived_s - self._arrived_s > _RELAY_SILENT_S:
+            hole = Hole(self._arrived_s + _RELAY_SILENT_S, arrived_s)
+        self._arrived_s = arrived_s
+        self._heard(arrived_s)
+        return hole
 
     def caught_up(self, now_s: float) -> None:
         """Nothing was left to read at this UNIX time."""
-        self.read_to(now_s)
+        if self.relayed and self._arrived_s is not None:
+            now_s = min(now_s, self._arrived_s + _RELAY_SILENT_S)
+        self._heard(now_s)
 
     def missed(self, count: int, arrived_s: float) -> Hole:
         """So many datagrams found no room before one that arrived at this UNIX time; when that was."""
@@ -174,6 +186,10 @@ class Attention:
             notices.append((int(mavlink.MAV_SEVERITY_WARNING), text))
             self._missed = 0
         return notices
+
+    def _heard(self, until_s: float) -> None:
+        if self.heard_until_s is not None:
+            self.heard_until_s = max(self.heard_until_s, until_s)
 
     def _judge(self, lag_s: float, steady_s: float) -> None:
         if self._behind_since_s is None:

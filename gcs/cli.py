@@ -26,7 +26,7 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="arvi",
-    help="Fly teams of robots that plan together where to look (MAVLink, PX4).",
+    help="Fly teams of robots that plan together where to look (MAVLink: PX4, ArduPilot).",
     epilog="Start with: arvi fly configs/lab.yaml",
     no_args_is_help=True,
     rich_markup_mode="markdown",

@@ -130,6 +130,9 @@ def gcs(
     - `arvi gcs configs/lab.yaml`: watches
 
     - `arvi gcs configs/lab.yaml --start --duration 120`: flies the team
+
+    Ctrl-C ends it when it only watches; the vehicles fly on. Exits with 0, or 1 when a team that it started did not
+    land in time, 2 for bad input or ports in use.
     """
     if duration is not None and not start:
         refuse("--duration needs --start: a station that only watches does not end a flight")

@@ -6,19 +6,16 @@ import os
 
 from gcs.operator_desk import OperatorDesk
 from gcs.station import GroundStation
+from gcs.switchboard import JOINED_COMPONENTS
 from onboard.config import Scenario
-from onboard.protocol import dialect as mavlink
 from onboard.protocol.transport import TransportError
 
 __all__ = ["joined_station", "open_or_join"]
 
-_PAIRS = 24
-"""Two component ids each, from MAV_COMP_ID_USER2 on: the program's and its MAVSDK's."""
-
 
 def joined_station(scenario: Scenario, desk: OperatorDesk | None = None) -> GroundStation:
     """A station that can join another one: its component id is most likely nobody else's."""
-    component_id = mavlink.MAV_COMP_ID_USER2 + 2 * (os.getpid() % _PAIRS)
+    component_id = JOINED_COMPONENTS[2 * (os.getpid() % (len(JOINED_COMPONENTS) // 2))]
     return GroundStation(scenario, desk=desk, component_id=component_id)
 
 

@@ -32,6 +32,9 @@ def monitor(config: Config, headless: Headless = False, via: Via = None) -> None
     - `arvi monitor configs/lab.yaml`: beside `arvi fly configs/lab.yaml` in another shell
 
     - `arvi monitor configs/lab.yaml --via udpout:10.0.0.5:14551`: beside a station elsewhere that shares its port
+
+    Ctrl-C ends it. Like every ground station it says once a second that it is there: alone, it is the vehicles' ground
+    station. Exits with 0, or 2 for bad input or ports in use.
     """
     scenario = load(config)
     from gcs.monitor_command import run_monitor
@@ -72,7 +75,7 @@ def command(
 
     - `arvi command configs/lab.yaml pause --vehicle 2 --yes`
 
-    Exits with 0 when every vehicle acknowledged, 1 otherwise.
+    Exits with 0 when every vehicle acknowledged, 1 otherwise, 2 for bad input or ports in use.
     """
     scenario = load(config)
     ids = vehicles_of(scenario, config, vehicle or ())

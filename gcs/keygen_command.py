@@ -17,14 +17,17 @@ def keygen(
 ) -> None:
     """Make a signing key for a team: 32 random bytes, readable by its owner alone.
 
-    Copy it to every vehicle and to the ground station, each with mode 0600, and name it in the scenario:
+    Copy it to every vehicle and to the ground station, each with mode 0600, and name it in the scenario, relative to
+    the scenario's file:
 
         signing: {key_file: team.key}
 
-    From then on peers and ground refuse what the key did not sign. A new key takes effect when the processes start
-    again: change it while the vehicles are on the ground.
+    From then on peers and ground refuse what the key did not sign, but for the telemetry of autopilots, which have no
+    such key. A new key takes effect when the processes start again: change it while the vehicles are on the ground.
 
     **Example**: `arvi keygen team.key`
+
+    Exits with 2 when the file exists or cannot be written.
     """
     from onboard.protocol.signing import SigningError  # noqa: PLC0415 - the dialect loads for a moment
     from onboard.protocol.signing_files import write_new_key  # noqa: PLC0415
@@ -33,4 +36,4 @@ def keygen(
         write_new_key(path)
     except SigningError as error:
         refuse(str(error))
-    typer.echo(f"{path}: a new key, mode 0600. Name it in the scenario as  signing: {{key_file: {path.name}}}")
+    typer.echo(f"{path}: a new key, mode 0600. Name it in a scenario beside it as  signing: {{key_file: {path.name}}}")

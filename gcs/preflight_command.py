@@ -106,6 +106,8 @@ def preflight(
 
     scenario = load(config)
     ids = vehicles_of(scenario, config, () if vehicle is None else (vehicle,))
+    if not as_json:
+        typer.echo(f"looking at this computer and {len(ids)} vehicle{'s' * (len(ids) > 1)}: about 15 s", err=True)
     # Compiling keeps a core busy and would spoil the rates that are measured meanwhile.
     computer = host_checks.judge(scenario, host_checks.look(scenario, record))
     mocap, vehicles = asyncio.run(_look_outside(scenario, ids, mend=mend))

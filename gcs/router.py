@@ -9,7 +9,7 @@ what claims to come from a vehicle is believed on the team's link only, so a cir
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
 from onboard.protocol import dialect as mavlink
@@ -74,6 +74,10 @@ class Router:
     def team_components(self) -> Iterator[SystemComponent]:
         """Who was heard on the team's link."""
         return (component for component, port in self._ports.items() if port.link == TEAM)
+
+    def ports_on(self, link: str, components: Container[int]) -> set[Port]:
+        """Where components with one of these ids were heard on a link."""
+        return {port for source, port in self._ports.items() if port.link == link and source[1] in components}
 
     def port_of(self, component: SystemComponent) -> Port | None:
         """Where a component was heard last; None if never."""

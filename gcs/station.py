@@ -118,6 +118,7 @@ class GroundStation:
         Raises:
             TransportError: The port is in use.
         """
+        self._attention.relayed = team_url is not None
         for problem in await self.switchboard.open(team_url):
             self.team.note(self._clock(), mavlink.MAV_SEVERITY_WARNING, "ground", problem)
         await self._open.enter_async_context(keeping(self._keeper))
@@ -200,7 +201,9 @@ class GroundStation:
         self._record(source, arrived_s, frame)
         if port.link != TEAM:
             return
-        self._attention.read_to(arrived_s)
+        hole = self._attention.read_to(arrived_s)
+        if hole is not None:
+            self.team.excuse(hole)
         if arrived_s - self._heard_until_s >= _TICK_S:  # what is read late is judged step by step, as it came
             self._hear_until(arrived_s)
         kind = message_id(frame)
@@ -284,6 +287,7 @@ class GroundStation:
             mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
         )
         self.switchboard.reach_out(self._codec.encode(message))
+        self.switchboard.tell_joined(self._codec.encode(message))
         for remote in self.switchboard.heard():
             self._send(remote, message, now_s)
 

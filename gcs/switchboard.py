@@ -19,7 +19,7 @@ from onboard.protocol.addressing import SystemComponent, source_of, target_of
 from onboard.protocol.codec import BROADCAST, message_id, split_frames
 from onboard.protocol.transport import Address, LinkUrl, TransportError
 
-__all__ = ["SHARE", "Switchboard"]
+__all__ = ["JOINED_COMPONENTS", "SHARE", "Switchboard"]
 
 SHARE = "share"
 """Name of the link of programs on this machine."""
@@ -29,6 +29,9 @@ _BUFFER_BYTES = 4 * 1024 * 1024
 
 _NEEDED_BY_MAVSDK = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE})
 """Of what vehicles broadcast; MAVSDK's actions need no more, and each frame costs both sides."""
+
+JOINED_COMPONENTS = range(mavlink.MAV_COMP_ID_USER2, mavlink.MAV_COMP_ID_USER2 + 48)
+"""Component ids of programs that join a station, two each: the program's and its MAVSDK's."""
 
 Receiver = Callable[[bytes, SystemComponent, Port, float], None]
 """A frame, its sender, where it came from, and the UNIX time at which it arrived, s."""
@@ -143,6 +146,11 @@ class Switchboard:
         link = self._links.get(TEAM)
         if link is not None and link.url.kind == "udpout":
             link.send(frame)
+
+    def tell_joined(self, frame: bytes) -> None:
+        """Send to the programs of ours that have joined: they hear the team through us, and so that we live."""
+        for port in self.router.ports_on(SHARE, JOINED_COMPONENTS):
+            self._transmit(frame, port)
 
     def send(self, frame: bytes, component: SystemComponent) -> bool:
         """Send to a component of the team at the address that it was heard from; False if it never was."""

@@ -20,7 +20,7 @@ from rich.text import Text
 
 from gcs.arena_map import ArenaMap, vehicle_style
 from gcs.attention import behind_text
-from gcs.dashboard.wording import number, vehicle_is_silent
+from gcs.dashboard.wording import flight_state_text, number, vehicle_is_silent
 from gcs.session import WATCHING, Display
 from gcs.team import Event, TeamState
 from gcs.vehicle_state import VehicleState
@@ -145,9 +145,9 @@ def progress_line(team: TeamState, phase: str, time_left_s: float | None) -> str
     if team.figures.entropy_now_nats is not None:
         parts.append(f"entropy {team.figures.entropy_now_nats:.2f} nats")
     for vehicle in team.vehicles:
-        state = vehicle.flight_state.name if vehicle.flight_state is not None and vehicle.onboard_alive else "silent"
         misses = f" {vehicle.deadline_misses} late" if vehicle.deadline_misses else ""
-        parts.append(f"{vehicle.id}: {state} {vehicle.mode or '-'} {number(vehicle.height_m, 1, ' m')}{misses}")
+        facts = (flight_state_text(vehicle), vehicle.mode or "-", number(vehicle.height_m, 1, " m"))
+        parts.append(f"{vehicle.id}: {' '.join(facts)}{misses}")
     return f"{time.strftime('%H:%M:%S', time.localtime(team.time_s))}  " + " | ".join(parts)
 
 

@@ -117,3 +117,17 @@ def test_holes_are_no_silence() -> None:
     assert [listening.duration_s(T0, T0 + s) for s in (1.0, 2.0, 5.0, 9.0)] == [1.0, 1.0, 2.0, 5.0]
     listening.add(Hole(T0 + 8.0, T0 + 2.0))  # the clock was set back
     assert listening.duration_s(T0, T0 + 9.0) <= 9.0
+
+
+def test_a_joined_station_that_says_nothing_is_late_and_its_silence_nobody_elses(reader: Reader) -> None:
+    attention = reader.attention
+    attention.relayed = True
+    attention.read_to(reader.now_s)
+    last_s = reader.now_s
+    for _ in range(100):
+        reader.look()
+    assert attention.heard_until_s == last_s + 2.5
+    assert attention.behind_s == pytest.approx(7.5, abs=0.2)
+    assert reader.texts == ["ground station is 2 s behind: what it shows is old"]
+    assert attention.read_to(reader.now_s) == Hole(last_s + 2.5, reader.now_s)
+    assert attention.read_to(reader.now_s + 1.0) is None

@@ -8,6 +8,7 @@ from gcs.recording.recorder import Recorder
 from gcs.recording.tlog import read_tlog
 from gcs.router import TEAM
 from gcs.station import GroundStation
+from gcs.switchboard import SHARE
 from onboard.config import load_scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
@@ -111,6 +112,21 @@ def test_heartbeats_of_a_ground_station_go_to_everybody_heard_once_a_second(stat
         assert sum(address == remotes[key].address for address, _ in sent) in (3, 4)
     message = sent[0][1]
     assert (message.get_srcSystem(), message.get_srcComponent(), message.type) == (255, 190, mavlink.MAV_TYPE_GCS)
+
+
+def test_who_has_joined_hears_that_the_station_lives_even_when_no_vehicle_says_anything(station, clock, heartbeat):
+    station.switchboard.attach(SHARE, share := Loopback())
+    monitor = Remote(station, 255, 26, 55000, SHARE)
+    mavsdk, mavproxy = Remote(station, 255, 25, 55001, SHARE), Remote(station, 255, 230, 55002, SHARE)
+    for _ in range(30):
+        if clock.now_s - T0 < 0.05:
+            for guest in (monitor, mavsdk, mavproxy):
+                guest.say(heartbeat())
+        station.tick()
+        clock.now_s += 0.1
+    ours = [address for address, m in share.take("HEARTBEAT") if m.get_srcComponent() == 190]
+    assert set(ours) == {monitor.address}
+    assert len(ours) in (3, 4)
 
 
 def test_commands_go_to_the_address_their_component_was_heard_from(station, remotes, stand_by):

@@ -107,3 +107,21 @@ def test_a_station_that_was_stopped_tells_its_own_lateness_and_only_true_losses(
     assert "vehicle 2" in monitor.wait_for("autopilot is silent: no heartbeat for")
     monitor.wait_for("ground station has caught up; it was up to")
     assert not [line for line in monitor.lines if "vehicle 1" in line and "silent" in line]
+
+
+def test_who_has_joined_a_stopped_station_calls_no_vehicle_silent(
+    monitor: Monitor, talkers: Talkers, own_ports: Path
+) -> None:
+    monitor.wait_for("watching")
+    joined = Monitor(own_ports)
+    try:
+        assert "joined the ground station at" in joined.wait_for("monitor:")
+        joined.wait_for("LOITER")
+        monitor.process.send_signal(signal.SIGSTOP)
+        joined.wait_for("s behind: what it shows is old")
+        time.sleep(2.0)
+        monitor.process.send_signal(signal.SIGCONT)
+        joined.wait_for("ground station has caught up")
+        assert not [line for line in joined.lines if "silent" in line]
+    finally:
+        joined.end()
