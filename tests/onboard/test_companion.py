@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.companion import COMPONENT, Companion, LinkName
+from onboard.companion import COMPONENT, SETTLES_S, Companion, LinkName
 from onboard.config import load_scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
@@ -75,6 +75,23 @@ def test_it_says_who_it_is_and_how_it_is_from_the_first_tick() -> None:
     assert status.state == FlightState.WAIT
     assert math.isnan(status.north), "it does not know where it is, and says so"
     assert received(unit, LinkName.PEERS) == []
+
+
+def test_teammates_are_told_where_a_vehicle_whose_autopilot_is_unheard_flies_on_to() -> None:
+    unit = companion()
+    make_ready(unit)
+    moving = mavlink.MAVLink_local_position_ned_message(60_020, 1.0, 2.8, -1.0, 1.0, -0.5, 0.0)
+    unit.receive(LinkName.AUTOPILOT, AUTOPILOT.encode(moving), NOW + 0.02)
+
+    def told(time_s: float) -> tuple[float, ...]:
+        unit.tick(time_s)
+        (status,) = [m for m in received(unit, LinkName.PEERS) if m.get_type() == "PLANNER_STATUS"]
+        return (status.north, status.east, status.velocity_north, status.velocity_east)
+
+    assert told(NOW + 0.5) == pytest.approx((1.0, 2.8, 1.0, -0.5))
+    assert told(NOW + 1.0) == pytest.approx((1.0 + SETTLES_S, 2.8 - 0.5 * SETTLES_S, 0.0, 0.0)), (
+        "it was asked for nothing"
+    )
 
 
 def test_heartbeats_come_once_and_statuses_twice_a_second() -> None:

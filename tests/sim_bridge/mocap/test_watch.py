@@ -1,5 +1,8 @@
 """What is wrong with motion capture is said once when it begins and once when it ends."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +68,17 @@ def test_frozen_numbers(scene):
     scene.noise_m = 0.001
     (text,) = scene.run(1.0)
     assert "no longer frozen" in text
+
+
+def test_no_repetition_is_for_an_autopilot_and_every_measurement_is():
+    watch = Watch(2, 100.0, 0.3, noisy=True)
+    first = MocapPose(2, NOON, 1.0, 2.0, -1.0, (1.0, 0.0, 0.0, 0.0), 0.002, 0.01)
+    again = replace(first, time_s=NOON + DT)
+    moved = replace(again, time_s=NOON + 2 * DT, down_m=math.nextafter(-1.0, 0.0))
+    turned = replace(moved, time_s=NOON + 3 * DT, attitude=(0.0, 0.0, 0.0, 1.0))
+    assert [watch.receive(pose, pose.time_s) for pose in (first, again, moved, turned)] == [True, False, True, True]
+    exact = Watch(2, 100.0, 0.3, noisy=False)
+    assert [exact.receive(pose, pose.time_s) for pose in (first, again)] == [True, True]
 
 
 def test_a_simulation_without_noise_does_not_look_frozen():
