@@ -52,8 +52,9 @@ from onboard.protocol.team_messages import (
     read_status,
     read_tile,
 )
-from onboard.status import Counts, Known, planner_status, status_line
+from onboard.status import Counts, planner_status, status_line
 from onboard.timer import Timer
+from onboard.whereabouts import Whereabouts
 
 __all__ = ["COMPONENT", "Companion", "LinkName", "PlanningJob"]
 
@@ -69,8 +70,6 @@ MAX_PEER_CLOCK_ERROR_S = 60.0
 """As for signatures: a teammate's status or plan of another minute is refused, and holds nothing up for longer."""
 NEAR_STATUS_S = 0.1
 """How often teammates that are near hear where this vehicle is."""
-SETTLES_S = 0.4
-"""In about this time a multirotor takes up the velocity that it is asked for."""
 MAX_STATUS_AGE_S = 2.0
 """What is older on arrival was stamped by a wrong clock rather than under way for so long."""
 
@@ -134,10 +133,8 @@ class Companion:
         self._heartbeat_timer = Timer(1.0, boot_s)
         self._status_timer = Timer(scenario.mission.step_s, boot_s)
         self._near_status_timer = Timer(NEAR_STATUS_S, boot_s)
-        self._known: Known | None = None
+        self._whereabouts = Whereabouts(self.autopilot)
         self._last_setpoint_s: float | None = None
-        self._position: tuple[float, float, float] | None = None
-        self._asked_m_s = (0.0, 0.0)
         self._last_step = -1
 
     def _signing_of(self, link: LinkName) -> LinkSigning | None:
@@ -192,7 +189,7 @@ class Companion:
             case mavlink.MAVLink_planner_status_message():
                 status = self._status_of_now(message, time_s)
                 self.agent.receive_status(status, time_s)
-                down_m = 0.0 if self._known is None else self._known.position[2]
+                down_m = 0.0 if self._whereabouts.known is None else self._whereabouts.known.position[2]
                 self._hearing.receive_status(status, self.autopilot.poses.at(status.time_s), down_m, time_s)
             case mavlink.MAVLink_target_belief_message():
                 self.agent.receive_belief(read_belief(message, self._clock))
@@ -303,10 +300,7 @@ class Companion:
         """Do what is due at a UNIX time; called at the setpoint rate."""
         if self._signing is not None:
             self._signing.advance(time_s)
-        pose, position = self.autopilot.pose(), self.autopilot.position
-        heard_anew, self._position = position != self._position, position
-        if pose is not None and position is not None:
-            self._known = self._where(position, pose.yaw_rad, time_s)
+        self._whereabouts.look(time_s)
         may_descend = True
         if self.agent is not None and self.machine.state is FlightState.RETURN:
             self._choose_landing_place(time_s)
@@ -318,8 +312,7 @@ class Companion:
             self._count_setpoint(time_s)
             sent = self._kept_off(setpoint, time_s)
             self.autopilot.stream(sent, time_s, self._boot_s)
-            if heard_anew:  # so this setpoint arrives, too, as far as anybody can know
-                self._asked_m_s = (sent.velocity_north_m_s, sent.velocity_east_m_s)
+            self._whereabouts.ask(sent)
         for message in self.autopilot.poll(time_s):
             self._send(LinkName.AUTOPILOT, message)
         self._step(time_s)
@@ -335,23 +328,6 @@ class Companion:
         elif self._last_resort.near and self._near_status_timer.due(time_s):
             self._send(LinkName.PEERS, self._status_message(time_s))
         self._report()
-
-    def _where(self, position: tuple[float, float, float], yaw_rad: float, time_s: float) -> Known:
-        """Where the vehicle is and how it moves: as its autopilot says.
-
-        One that is not heard does as it was last asked to, so that teammates know where a vehicle flies on to whose
-        autopilot hears no setpoints any more; how it moved before carries it ``SETTLES_S`` farther.
-        """
-        north_m_s, east_m_s = self.autopilot.velocity
-        if self.autopilot.has_position(time_s):
-            return Known(position, yaw_rad, (north_m_s, east_m_s))
-        asked_north_m_s, asked_east_m_s = self._asked_m_s
-        carried = (
-            position[0] + SETTLES_S * (north_m_s - asked_north_m_s),
-            position[1] + SETTLES_S * (east_m_s - asked_east_m_s),
-            position[2],
-        )
-        return Known(carried, yaw_rad, self._asked_m_s)
 
     def _choose_landing_place(self, time_s: float) -> None:
         """On the way home: another place where a teammate may lie there."""
@@ -462,7 +438,8 @@ class Companion:
     def _status_message(self, time_s: float) -> mavlink.MAVLink_planner_status_message:
         rejected = sum(codec.rejected + codec.refused.total() for codec in self._codecs.values())
         loss = {peer: frames.quality(time_s).loss for peer, frames in self._peer_frames.items()}
-        return planner_status(time_s, self._clock, self.machine, self._known, self.agent, self._counts, rejected, loss)
+        known = self._whereabouts.known
+        return planner_status(time_s, self._clock, self.machine, known, self.agent, self._counts, rejected, loss)
 
     def _status(self, time_s: float) -> None:
         for link, codec in self._codecs.items():
@@ -471,7 +448,7 @@ class Companion:
                 self._say(mavlink.MAV_SEVERITY_WARNING, notice)
         message = self._status_message(time_s)
         self._send(LinkName.GROUND, message)
-        if self._known is not None:
+        if self._whereabouts.known is not None:
             self._send(LinkName.PEERS, message)
         for lost in self._last_resort.lost(time_s):
             self._send(LinkName.PEERS, encode_lost_teammate(lost))

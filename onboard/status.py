@@ -12,8 +12,9 @@ from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.machine import FlightMachine
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
+from onboard.whereabouts import Known
 
-__all__ = ["Counts", "Known", "planner_status", "status_line"]
+__all__ = ["Counts", "planner_status", "status_line"]
 
 _MAX_NEIGHBOURS = 32
 _UNKNOWN = 255
@@ -43,21 +44,6 @@ class Counts:
     peer_bytes_received: int = 0
     detections: int = 0
     refused: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """Where the vehicle was when that was last known.
-
-    Attributes:
-        position: North m, east m, down m, mission frame.
-        yaw_rad: Heading.
-        velocity: North m/s, east m/s.
-    """
-
-    position: tuple[float, float, float]
-    yaw_rad: float
-    velocity: tuple[float, float]
 
 
 _UNKNOWN_PLACE = Known((math.nan, math.nan, math.nan), math.nan, (math.nan, math.nan))

@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.companion import COMPONENT, SETTLES_S, Companion, LinkName
+from onboard.companion import COMPONENT, Companion, LinkName
 from onboard.config import load_scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.signing import SignedLink, Signing, SigningKey
 from onboard.protocol.status_text import StatusTextAssembler
+from onboard.whereabouts import SETTLES_S
 
 SCENARIO = load_scenario(Path("configs/lab.yaml"))
 NOW = 1_800_000_000.0
