@@ -91,6 +91,8 @@ class GroundSocket:
         """Read what waits, but no longer than a turn; whether nothing is left."""
         end_s = time.monotonic() + _TURN_S
         while (sock := self._socket) is not None:
+            if time.monotonic() > end_s:
+                return False
             try:
                 data, ancillary, flags, address = sock.recvmsg(MAX_DATAGRAM_BYTES, _ANCILLARY_BYTES)
             except (BlockingIOError, InterruptedError):
@@ -105,8 +107,6 @@ class GroundSocket:
                 self.oversize += 1
             else:
                 self._receive(data, (str(address[0]), int(address[1])), arrived_s)
-            if time.monotonic() > end_s:
-                return False
         return True
 
     def send(self, data: bytes, address: Address | None = None) -> None:

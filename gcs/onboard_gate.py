@@ -41,10 +41,17 @@ class OnboardGate:
         if self._process is not None:
             self._process.advance(unix_s)
 
-    def lets_in(self, frame: bytes, source: SystemComponent) -> bool:
-        """Whether a frame is believed; a vehicle's onboard process signs every one."""
+    def lets_in(self, frame: bytes, source: SystemComponent, arrived_s: float) -> bool:
+        """Whether a frame is believed; a vehicle's onboard process signs every one.
+
+        Args:
+            frame: A whole frame.
+            source: Who sent it.
+            arrived_s: UNIX time at which it arrived, s: a station that stood still does not take it for the future's.
+        """
         if self.signing is None or (source[1] != ONBOARD and source[0] in self._unsigned_systems):
             return True
+        self.advance(arrived_s)
         verdict = self.signing.verify(frame)
         stranger = verdict is Verdict.UNSIGNED and source[1] != ONBOARD and message_id(frame) in BROADCAST_BY_ALL
         if verdict is not Verdict.GENUINE and not stranger:

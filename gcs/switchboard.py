@@ -87,14 +87,14 @@ class Switchboard:
         self._frugal = frugal
         self._links: dict[str, Socket] = {}
         self._admits: Callable[[SystemComponent], bool] = lambda _: True
-        self._is_genuine: Callable[[bytes, SystemComponent], bool] = lambda _frame, _source: True
+        self._is_genuine: Callable[[bytes, SystemComponent, float], bool] = lambda _frame, _source, _arrived_s: True
 
     def admit(self, admits: Callable[[SystemComponent], bool]) -> None:
         """Ask this about every component that is heard for the first time on the team's link."""
         self._admits = admits
 
-    def verify(self, is_genuine: Callable[[bytes, SystemComponent], bool]) -> None:
-        """Ask this about every frame of the team's link; what is not genuine is neither believed nor passed on."""
+    def verify(self, is_genuine: Callable[[bytes, SystemComponent, float], bool]) -> None:
+        """Ask this about every frame of the team's link and its arrival; what is not genuine goes nowhere."""
         self._is_genuine = is_genuine
 
     async def open(self, team_url: str | None = None) -> list[str]:
@@ -183,7 +183,7 @@ class Switchboard:
             source = source_of(frame)
             if link == TEAM and self.router.team_port(source) is None and not self._admits(source):
                 continue
-            if link == TEAM and not self._is_genuine(frame, source):
+            if link == TEAM and not self._is_genuine(frame, source, arrived_s):
                 continue
             if not self.router.receive(frame, port, arrived_s):
                 continue

@@ -103,3 +103,18 @@ def test_the_key_is_in_no_recording_and_no_log(config: Path, tmp_path: Path, cap
     everything = b"".join(path.read_bytes() for path in written) + caplog.text.encode()
     assert secret not in everything
     assert secret.hex().encode() not in everything
+
+
+def test_a_station_that_stood_still_takes_nobody_for_a_message_from_the_future(
+    station: GroundStation, config: Path
+) -> None:
+    """What has come in a pause longer than the clocks' tolerance is judged by when it came."""
+    signing = Signing(read_key(config.parent / "team.key"))
+    codec = Codec(1, 191, signing.link(SignedLink.GROUND))
+    for arrived_s in (NOW + 30.0, NOW + 150.0, NOW + 300.0):
+        signing.advance(arrived_s)
+        station.switchboard.receive(TEAM, codec.encode(HEARTBEAT), ADDRESS, arrived_s)
+    station._next_heartbeat_s = 0.0
+    station.tick()
+    assert station.team.state(NOW + 300.0).vehicle(1).onboard_alive
+    assert not [event.text for event in station.team.take_events() if "refused" in event.text]
