@@ -27,6 +27,7 @@ from onboard.flight.landing import Landing
 from onboard.flight.reactions import following
 from onboard.flight.readiness import Readiness
 from onboard.flight.setpoints import HeightReference, Setpoint
+from onboard.flight.states import AIRBORNE, COMMANDED, FLOWN
 from onboard.flight.trajectory import Hold, Trajectory
 from onboard.flight.watch import FLIGHT, FlightWatch
 from onboard.geometry import Pose
@@ -36,9 +37,6 @@ from onboard.protocol import dialect as mavlink
 __all__ = ["AIRBORNE", "FlightMachine"]
 
 
-_FLOWN = (FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
-_COMMANDED = (FlightState.TAKEOFF, *_FLOWN)
-AIRBORNE = (*_COMMANDED, FlightState.LAND)
 _NOTHING: Mapping[Condition, str] = MappingProxyType({})
 
 
@@ -96,7 +94,7 @@ class FlightMachine:
 
     def start(self, time_s: float) -> Refusal | None:
         """Arm and take off; asking again in flight changes nothing."""
-        if self.state in (FlightState.ARM, *_COMMANDED):
+        if self.state in (FlightState.ARM, *COMMANDED):
             return None
         if why := self._readiness.start_hindrance(self.state, time_s):
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"start refused: {why}")
@@ -183,7 +181,7 @@ class FlightMachine:
     def adrift(self, time_s: float) -> bool:
         """Whether the vehicle is in the air and not where this process flies it, as far as it knows."""
         heard = self._link.heard
-        if self.state in _COMMANDED:
+        if self.state in COMMANDED:
             return self._watch.holder is not Holder.WE or self.blind
         if self.state is FlightState.LAND:
             return not self._link.has_position(time_s)
@@ -262,14 +260,14 @@ class FlightMachine:
         """Whether the autopilot wants setpoints now; on landing until it has taken the command to land."""
         if self.state in (FlightState.ARM, FlightState.TAKEOFF):
             return self._link.behaviour.streams_before_takeoff
-        return self.state in _FLOWN or (self.state is FlightState.LAND and not self._landing.taken)
+        return self.state in FLOWN or (self.state is FlightState.LAND and not self._landing.taken)
 
     def _enter(self, state: FlightState, time_s: float) -> None:
         previous, self.state = self.state, state
         self._since_s = time_s
         self._events += self.ladder.events()  # the reason comes before what comes of it
         self._say(mavlink.MAV_SEVERITY_INFO, f"{previous.name} -> {state.name}")
-        if state not in (FlightState.ARM, *_COMMANDED):
+        if state not in (FlightState.ARM, *COMMANDED):
             self.ladder.forget(*FLIGHT)
             self._ordered = None
         if state is FlightState.ARM:
@@ -370,7 +368,7 @@ class FlightMachine:
 
     def _order(self, condition: Condition, time_s: float) -> None:
         """What somebody asks for is a condition like the others, and comes at once."""
-        if self.state in (FlightState.ARM, *_COMMANDED):
+        if self.state in (FlightState.ARM, *COMMANDED):
             self._ordered = condition
             self._react(time_s)
 
@@ -382,7 +380,7 @@ class FlightMachine:
             self._enter(state, time_s)
 
     def _seen(self, time_s: float) -> dict[Condition, str]:
-        seen = self._watch.seen(time_s, flown=self.state in _COMMANDED)
+        seen = self._watch.seen(time_s, flown=self.state in COMMANDED)
         lasts_s = time_s - self._since_s
         if self._ordered is not None:
             seen[self._ordered] = ""

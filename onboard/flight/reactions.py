@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from onboard.flight.failsafes import Action
+from onboard.flight.states import AIRBORNE, COMMANDED
 from onboard.messages import FlightState
 
 __all__ = ["following"]
 
 _S = FlightState
-_FLOWN = (_S.TAKEOFF, _S.HOLD, _S.TRACK, _S.RETURN)
 
 _LEADS: Mapping[Action, Mapping[FlightState, FlightState]] = MappingProxyType(
     {
@@ -19,9 +19,9 @@ _LEADS: Mapping[Action, Mapping[FlightState, FlightState]] = MappingProxyType(
         Action.HOLD: {_S.TRACK: _S.HOLD},
         Action.RETURN: {_S.ARM: _S.LAND, _S.TAKEOFF: _S.RETURN, _S.HOLD: _S.RETURN, _S.TRACK: _S.RETURN},
         Action.STOP: {_S.TRACK: _S.HOLD, _S.RETURN: _S.HOLD},
-        Action.LAND: dict.fromkeys((_S.ARM, *_FLOWN), _S.LAND),
+        Action.LAND: dict.fromkeys((_S.ARM, *COMMANDED), _S.LAND),
         Action.GIVE_UP: {_S.ARM: _S.STANDBY},
-        Action.LET_GO: dict.fromkeys((*_FLOWN, _S.LAND), _S.RELEASED),
+        Action.LET_GO: dict.fromkeys(AIRBORNE, _S.RELEASED),
     }
 )
 """Who climbs goes on to do so while it hovers; who is left out has nothing to do."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from onboard.flight.autopilot import AutopilotLink
+from onboard.flight.states import IDLE
 from onboard.flight.watch import FlightWatch
 from onboard.messages import FlightState
 
@@ -13,7 +14,6 @@ __all__ = ["Readiness"]
 LACK_PATIENCE_S = 3.0
 """What is missing for longer is told."""
 
-_IDLE = (FlightState.WAIT, FlightState.STANDBY)
 _BUSY = {
     FlightState.LAND: "the vehicle is landing",
     FlightState.RELEASED: "somebody else has the vehicle",
@@ -61,4 +61,4 @@ class Readiness:
         link, heard = self._link, self._link.heard
         flies = link.alive(time_s) and heard.armed and heard.on_ground is False and link.has_position(time_s)
         ours = heard.mode == link.behaviour.guided_mode or (heard.failsafe and link.behaviour.returns_from_failsafe)
-        return state in _IDLE and flies and ours
+        return state in IDLE and flies and ours
