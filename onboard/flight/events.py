@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from onboard.flight.failsafes import Condition
+
 __all__ = ["Event", "Refusal"]
 
 
@@ -14,10 +16,12 @@ class Event:
     Attributes:
         severity: MAV_SEVERITY.
         text: One line.
+        condition: What has come to a reaction of the failsafe ladder with it; None for anything else.
     """
 
     severity: int
     text: str
+    condition: Condition | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,8 @@ class Ladder:
                     self._events.append(Event(Severity.NOTICE, rule.over))
             return
         while course.stages < len(rule.stages) and time_s - course.since_s >= rule.stages[course.stages].after_s:
-            self._events.append(Event(rule.severity, rule.stages[course.stages].told.format(course.detail)))
+            told = rule.stages[course.stages].told.format(course.detail)
+            self._events.append(Event(rule.severity, told, condition))
             course.stages += 1
 
     def _action_of(self, condition: Condition) -> Action:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from onboard.config.faults import Component, FaultConfig, FaultType
-from sim_bridge.reliability.flight import VICTIM
-from sim_bridge.reliability.phases import AIR, Phase
+from onboard.flight.failsafes import RULES, Condition
+from sim_bridge.reliability.flight import SAMPLE_S, VICTIM
+from sim_bridge.reliability.phases import AIR, ORDINARY, Phase
 from sim_bridge.reliability.reactions import (
     CARRIES_ON,
     FAILS_SAFE,
@@ -21,7 +22,11 @@ from sim_bridge.reliability.reactions import (
     STAYS_DOWN,
     Reaction,
     all_of,
+    others_say,
+    reacts_to,
     says,
+    somebody_says,
+    within,
 )
 
 __all__ = ["ANYTIME", "CASES", "FENCE_M", "REPRESENTATIVE", "SEPARATION_M", "Case", "Expected", "Gap"]
@@ -118,7 +123,7 @@ def _in(expected: Expected, *phases: Phase) -> dict[Phase, Expected]:
     return dict.fromkeys(phases, expected)
 
 
-_EVERYWHERE = _in(_ON, *Phase)
+_EVERYWHERE = _in(_ON, *ORDINARY)
 _FLYING = _in(_ON, Phase.TAKEOFF, Phase.TRACKING)
 
 _SILENT_FENCE_M = 2.2
@@ -130,6 +135,14 @@ _FAILSAFE = Expected(FAILS_SAFE, 2.4, fence_m=_SILENT_FENCE_M)
 _NOTHING = (Case("nothing", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 5.0, loss=0.0), _EVERYWHERE),)
 """What flights are like without a fault."""
 
+_MISSED_S = RULES[Condition.PEER_LOST].within_s[0]
+_ALONE_S = RULES[Condition.PARTITION].within_s[0]
+_HEARD_AGAIN_S = 0.7
+"""Something is said twice a second, and a tick passes."""
+
+_MISSES = others_say(f"vehicle {VICTIM} is not heard any more")
+_ALONE = "no teammate is heard any more"
+
 _RADIO = (
     Case("radio: 5 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.05), _EVERYWHERE),
     Case("radio: 30 % lost", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 6.0, loss=0.3), _EVERYWHERE),
@@ -140,9 +153,54 @@ _RADIO = (
     Case("radio: 30 % damaged", _fault(_C.RADIO, _T.GARBAGE, _ALL, 6.0), _EVERYWHERE),
     Case("radio: repeats old datagrams", _fault(_C.RADIO, _T.STUCK, _ALL, 4.0), _EVERYWHERE),
     Case("radio: 1 kB/s", _fault(_C.RADIO, _T.SLOW, _ALL, 6.0), _EVERYWHERE),
-    Case("radio: of one vehicle off", _fault(_C.RADIO, _T.OFF, _ONE, 6.0), _EVERYWHERE),
-    Case("radio: off", _fault(_C.RADIO, _T.OFF, _ALL, 6.0), _EVERYWHERE),
-    Case("radio: off for good", _fault(_C.RADIO, _T.OFF, _ALL, None), _EVERYWHERE),
+    Case(
+        "radio: of one vehicle off",
+        _fault(_C.RADIO, _T.OFF, _ONE, 6.0),
+        _EVERYWHERE
+        | _in(
+            Expected(
+                all_of(
+                    CARRIES_ON,
+                    within(_MISSED_S, _MISSES),
+                    within(_ALONE_S, says(_ALONE)),
+                    others_say("peers are heard again"),
+                    says("teammates are heard again"),
+                ),
+                6.0 + _HEARD_AGAIN_S,
+            ),
+            Phase.TOGETHER,
+        ),
+    ),
+    Case(
+        "radio: of one vehicle off for good",
+        _fault(_C.RADIO, _T.OFF, _ONE, None),
+        _EVERYWHERE
+        | _in(
+            Expected(all_of(CARRIES_ON, _MISSES, says(_ALONE)), max(_MISSED_S, _ALONE_S)),
+            Phase.TOGETHER,
+        ),
+    ),
+    Case(
+        "radio: off",
+        _fault(_C.RADIO, _T.OFF, _ALL, 6.0),
+        _EVERYWHERE
+        | _in(
+            Expected(
+                all_of(
+                    CARRIES_ON,
+                    within(_ALONE_S, somebody_says(_ALONE)),
+                    somebody_says("teammates are heard again"),
+                ),
+                6.0 + _HEARD_AGAIN_S,
+            ),
+            Phase.TOGETHER,
+        ),
+    ),
+    Case(
+        "radio: off for good",
+        _fault(_C.RADIO, _T.OFF, _ALL, None),
+        _EVERYWHERE | _in(Expected(all_of(CARRIES_ON, somebody_says(_ALONE)), _ALONE_S), Phase.TOGETHER),
+    ),
     Case("radio: partition", _fault(_C.RADIO, _T.OFF, (1, 2), 6.0, among_themselves=1.0), _EVERYWHERE),
 )
 
@@ -275,11 +333,21 @@ _AUTOPILOT = (
     ),
 )
 
+_GROUND_LOST = reacts_to(Condition.GROUND_LOST)
+_GROUND_LOST_S = RULES[Condition.GROUND_LOST].within_s[0] + SAMPLE_S
+"""Read from the vehicle's own log; the ground cannot hear it."""
+
 _GROUND = (
     Case(
         "ground link: off for 6 s",
         _fault(_C.GROUND_LINK, _T.OFF, _ONE, 6.0),
-        _EVERYWHERE | _in(Expected(all_of(CARRIES_ON, says("ground station is heard again")), 7.2), Phase.TRACKING),
+        _in(Expected(all_of(CARRIES_ON, _GROUND_LOST), _GROUND_LOST_S), *ORDINARY)
+        | _in(
+            Expected(
+                all_of(CARRIES_ON, within(_GROUND_LOST_S, _GROUND_LOST), says("ground station is heard again")), 7.2
+            ),
+            Phase.TRACKING,
+        ),
     ),
     Case("ground link: half lost", _fault(_C.GROUND_LINK, _T.INTERMITTENT, _ALL, 6.0, loss=0.5), _EVERYWHERE),
     Case("ground link: 1 s late", _fault(_C.GROUND_LINK, _T.DELAYED, _ALL, 6.0, delay_s=1.0), _EVERYWHERE),
@@ -366,7 +434,7 @@ _CLOCK = (
 _ANYTIME = Case(
     "process: killed at a random moment",
     _fault(_C.PROCESS, _T.OFF, _ONE, None),
-    _in(Expected(SAFE_ALONE, 2.4, fence_m=_SILENT_FENCE_M), *Phase),
+    _in(Expected(SAFE_ALONE, 2.4, fence_m=_SILENT_FENCE_M), *ORDINARY),
 )
 
 CASES = (*_NOTHING, *_RADIO, *_DETECTOR, *_MOCAP, *_AUTOPILOT, *_GROUND, *_PROCESS, *_PLANNER, *_CLOCK)

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 from onboard.companion import COMPONENT
 from onboard.config import Scenario
 from onboard.config.faults import FaultConfig
+from onboard.flight.failsafes import Condition
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import Command
 from onboard.protocol.status_text import StatusTextAssembler
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
-from sim_bridge.reliability.phases import Phase
+from sim_bridge.reliability.phases import HELD, Phase
 from sim_bridge.virtual_team import GroundMessage, VirtualTeam
 
-__all__ = ["Flight", "Heartbeat", "NotReachedError", "Said", "Sample"]
+__all__ = ["Flight", "Heartbeat", "NotReachedError", "Said", "Sample", "Told"]
 
 VICTIM = 2
 """The vehicle that faults of one vehicle happen to: the one between the others."""
@@ -26,6 +27,8 @@ PLAN_NODES = 200
 TAKEOFF_S = 9.0
 TRACKED_S = 6.0
 SAMPLE_S = 0.1
+TOGETHER_M = 1.0
+"""A third of the lab's radio range: a teammate that falls silent there is missed, also after braking."""
 RETRY_S = 1.0
 
 _ON_GROUND = (FlightState.WAIT, FlightState.STANDBY, FlightState.LANDED)
@@ -65,6 +68,21 @@ class Said:
     time_s: float
     system: int
     text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A reaction of a vehicle's failsafe ladder, from its own log: the ground may not hear of it.
+
+    Attributes:
+        time_s: When it was read, up to 0.1 s later, UNIX time, s.
+        system: Whose.
+        condition: What it reacts to.
+    """
+
+    time_s: float
+    system: int
+    condition: Condition
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +129,7 @@ class Flight:
     Attributes:
         team: What flies.
         said: Texts that reached the ground.
+        told: What the vehicles' failsafe ladders reacted to.
         heartbeats: Autopilots' heartbeats that reached the ground.
         samples: The truth, ten times a second.
     """
@@ -119,6 +138,7 @@ class Flight:
         self.team = VirtualTeam(scenario, seed=seed, plan_nodes=PLAN_NODES)
         self.team.on_ground_message = self._hear
         self.said: list[Said] = []
+        self.told: list[Told] = []
         self.heartbeats: list[Heartbeat] = []
         self.samples: list[Sample] = []
         self.start_s = math.inf
@@ -234,7 +254,9 @@ class Flight:
         self._until(lambda: self.now_s >= self.start_s + TRACKED_S, 30.0)
         if not self._all(FlightState.TRACK):
             raise TimeoutError(f"not all track {TRACKED_S:g} s after step 0")
-        if phase is Phase.PAUSED:
+        if phase is Phase.TOGETHER:
+            self._until(lambda: self._nearest_m(VICTIM) < TOGETHER_M, 90.0)
+        if phase in HELD:
             self.pause()
             self.run(1.0)
         elif phase in (Phase.RETURNING, Phase.LANDING):
@@ -243,6 +265,12 @@ class Flight:
             if phase is Phase.LANDING:
                 layer_m = self._scenario.vehicle(VICTIM).layer_m
                 self._until(lambda: self.state(VICTIM) is FlightState.LAND and body.down_m > 0.2 - layer_m, 30.0)
+
+    def _nearest_m(self, vehicle_id: int) -> float:
+        """From a vehicle to the teammate that is nearest, m."""
+        positions = self.samples[-1].positions
+        here = positions[vehicle_id]
+        return min(math.dist(here, there) for other, there in positions.items() if other != vehicle_id)
 
     def _until(self, condition: Callable[[], bool], limit_s: float) -> None:
         end_s = self.now_s + limit_s
@@ -291,6 +319,10 @@ class Flight:
     def _look(self) -> None:
         states = {vehicle_id: self.state(vehicle_id) for vehicle_id in self._ids}
         self.samples.append(Sample(self.now_s, states, self.team.bridge.world.positions()))
+        for vehicle_id, companion in self.team.companions.items():
+            for event in companion.events():
+                if event.condition is not None:
+                    self.told.append(Told(self.now_s, vehicle_id, event.condition))
 
 
 def _long(system: int, component: int, command: int, *parameters: float) -> Command:

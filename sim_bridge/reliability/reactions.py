@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from onboard.flight.failsafes import Condition
 from onboard.messages import FlightState
 from onboard.protocol.px4_modes import Px4Mode
 from sim_bridge.reliability.flight import Flight
@@ -27,7 +28,11 @@ __all__ = [
     "Reaction",
     "all_of",
     "disturbance",
+    "others_say",
+    "reacts_to",
     "says",
+    "somebody_says",
+    "within",
 ]
 
 _IN_AIR_M = 0.15
@@ -77,6 +82,52 @@ def says(pattern: str) -> Reaction:
         )
 
     return Reaction(f'says "{pattern}"', seen)
+
+
+def others_say(pattern: str) -> Reaction:
+    """At least one of those whom the fault does not concern tells the ground."""
+    return Reaction(
+        f'another says "{pattern}"',
+        lambda evidence: _first(evidence, pattern, lambda system: system not in evidence.victims),
+    )
+
+
+def somebody_says(pattern: str) -> Reaction:
+    """At least one vehicle tells the ground."""
+    return Reaction(f'somebody says "{pattern}"', lambda evidence: _first(evidence, pattern, lambda system: True))
+
+
+def _first(evidence: Evidence, pattern: str, by: Callable[[int], bool]) -> float | None:
+    for said in evidence.flight.said:
+        if said.time_s > evidence.fault_s and by(said.system) and re.search(pattern, said.text):
+            return said.time_s - evidence.fault_s
+    return None
+
+
+def within(limit_s: float, reaction: Reaction) -> Reaction:
+    """A reaction that counts only if it comes in time, for those that have a deadline of their own."""
+
+    def seen(evidence: Evidence) -> float | None:
+        time_s = reaction.seen(evidence)
+        return time_s if time_s is not None and time_s <= limit_s else None
+
+    return Reaction(f"{reaction.text} within {limit_s:g} s", seen)
+
+
+def reacts_to(condition: Condition) -> Reaction:
+    """Each victim's failsafe ladder reacts, whether or not the ground hears of it."""
+
+    def seen(evidence: Evidence) -> float | None:
+        return _by_all(
+            evidence,
+            lambda victim: (
+                told.time_s
+                for told in evidence.flight.told
+                if told.system == victim and told.time_s > evidence.fault_s and told.condition is condition
+            ),
+        )
+
+    return Reaction(f"notices: {condition.value}", seen)
 
 
 def all_of(*reactions: Reaction) -> Reaction:

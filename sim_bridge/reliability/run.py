@@ -22,7 +22,7 @@ from onboard.config import Scenario
 from onboard.planning.warmup import warm_kernels
 from sim_bridge.reliability.cases import ANYTIME, CASES, REPRESENTATIVE, Case
 from sim_bridge.reliability.flight import Flight, NotReachedError
-from sim_bridge.reliability.phases import Phase
+from sim_bridge.reliability.phases import ORDINARY, Phase
 from sim_bridge.reliability.verdict import Outcome, judge
 
 __all__ = ["Batch", "batches", "fly", "fly_batch", "moments", "representative"]
@@ -75,7 +75,7 @@ def moments(count: int, vehicles: Sequence[int]) -> list[Batch]:
     for seed in range(1, count + 1):
         draw = random.Random(seed)
         case = draw.choice(ANYTIME).happening_to(draw.choice(vehicles))
-        found.append(Batch(draw.choice(list(Phase)), seed, (case,), draw.uniform(0.0, _MOMENT_S)))
+        found.append(Batch(draw.choice(ORDINARY), seed, (case,), draw.uniform(0.0, _MOMENT_S)))
     return found
 
 

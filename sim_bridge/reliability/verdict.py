@@ -13,7 +13,7 @@ from onboard.config import Scenario
 from onboard.config.polygon import contains
 from sim_bridge.reliability.cases import SEPARATION_M, Case, Expected
 from sim_bridge.reliability.flight import Flight
-from sim_bridge.reliability.phases import Phase
+from sim_bridge.reliability.phases import HELD, Phase
 from sim_bridge.reliability.reactions import Evidence, disturbance
 
 __all__ = ["Outcome", "TrackError", "judge", "squared_errors"]
@@ -62,6 +62,7 @@ class Outcome:
         tracked: Share of the team's tracks whose error is within what they claim (χ², 99 %), when watching ended.
         lands_s: From the call to land until all stood on the ground, s.
         cpu_s: Processor time, s.
+        told: Conditions that failsafe ladders reacted to from the fault on, by name.
     """
 
     case: str
@@ -75,6 +76,7 @@ class Outcome:
     tracked: float | None
     lands_s: float
     cpu_s: float
+    told: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, object]:
         """As a mapping of plain values."""
@@ -83,7 +85,7 @@ class Outcome:
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> Outcome:
         """From what :meth:`to_json` gave."""
-        return cls(**{**data, "failures": tuple(data["failures"])})
+        return cls(**{**data, "failures": tuple(data["failures"]), "told": tuple(data.get("told", ()))})
 
 
 def judge(flight: Flight, scenario: Scenario, case: Case, phase: Phase, seed: int) -> Outcome:
@@ -133,6 +135,7 @@ def judge(flight: Flight, scenario: Scenario, case: Case, phase: Phase, seed: in
         tracked,
         lands_s,
         time.process_time() - began_s,
+        tuple(sorted({told.condition.value for told in flight.told if told.time_s > fault_s})),
     )
 
 
@@ -146,7 +149,7 @@ def _watch(flight: Flight, case: Case, phase: Phase, expected: Expected) -> None
         flight.start()
     if phase in (Phase.GROUND, Phase.ARMING, Phase.TAKEOFF):
         flight.attend(max(end_s, flight.start_s + 4.0) - flight.now_s)
-    elif phase is Phase.PAUSED:
+    elif phase in HELD:
         flight.attend(max(length_s, expected.deadline_s) + 0.5)
         flight.resume()
         flight.attend(RECOVERY_S)

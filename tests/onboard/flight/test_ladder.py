@@ -33,7 +33,7 @@ def test_each_stage_begins_in_time_is_told_once_and_ends_once(condition: Conditi
         now += TICK_S
     for stage, within_s in zip(rule.stages, rule.within_s, strict=True):
         assert begun[stage.action] <= within_s - rule.noticed_s
-    assert [event.severity for event in told] == [rule.severity] * len(rule.stages)
+    assert [(event.severity, event.condition) for event in told] == [(rule.severity, condition)] * len(rule.stages)
     assert [event.text for event in told] == [stage.told.format("so much") for stage in rule.stages]
     assert ladder.active == (condition,)
     until = now + rule.clears_s + 2 * TICK_S
