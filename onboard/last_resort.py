@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from onboard.config.flight import FlightConfig
 from onboard.config.polygon import Point
 from onboard.config.schema import Scenario
 from onboard.config.vehicle import VehicleConfig
+from onboard.flight.autopilot import BEHAVIOURS
 from onboard.flight.failsafes import Condition
 from onboard.flight.separation import Guard, Obstruction
 from onboard.flight.setpoints import Setpoint
@@ -57,6 +59,7 @@ class LastResort:
         self._hearing = hearing
         self._strays = Strays(scenario, hearing)
         self._homes = {mate.id: mate.home for mate in scenario.vehicles}
+        self._leads_s = {mate.id: _lead_s(mate, scenario.flight) for mate in scenario.vehicles}
         self._return_m_s = scenario.flight.return_speed_m_s
         self._plans: dict[int, list[PlanTrajectory]] = {}
         self.dangers: dict[Condition, str] = {}
@@ -128,11 +131,18 @@ class LastResort:
         )
 
     def _place_at(self, status: PeerStatus, time_s: float) -> Place:
-        """Where a peer was and how it moved at a UNIX time: along its plan if it was on it, else as it last did."""
+        """Where a peer was and how it moved at a UNIX time: along its plan if it was on it, else as it last did.
+
+        Along its plan up to where its last setpoint began to be flown: setpoints are sent ahead by what the autopilot
+        takes to follow them.
+        """
         north, east, unsure_m = self._place_of(status, max(time_s - status.time_s, 0.0), time_s)
-        now = self._reference(status.sender, time_s)
-        if now is not None and unsure_m == 0.0 and status.state is FlightState.TRACK:
-            return Place((north, east), (now.velocity_north_m_s, now.velocity_east_m_s))
+        now, lead_s = self._reference(status.sender, time_s), self._leads_s.get(status.sender, 0.0)
+        last = self._reference(status.sender, time_s + lead_s)
+        if now is not None and last is not None and unsure_m == 0.0 and status.state is FlightState.TRACK:
+            north += last.pose.north_m - now.pose.north_m
+            east += last.pose.east_m - now.pose.east_m
+            return Place((north, east), (last.velocity_north_m_s, last.velocity_east_m_s))
         velocity = self._homewards(status) if status.state is FlightState.RETURN else status.velocity
         elapsed_s = max(time_s - status.time_s, 0.0)
         return Place((north + elapsed_s * velocity[0], east + elapsed_s * velocity[1]), velocity)
@@ -182,3 +192,9 @@ def _change_m_s(one: Setpoint, other: Setpoint) -> float:
     return math.hypot(
         one.velocity_north_m_s - other.velocity_north_m_s, one.velocity_east_m_s - other.velocity_east_m_s
     )
+
+
+def _lead_s(vehicle: VehicleConfig, flight: FlightConfig) -> float:
+    """How far ahead of its flight a vehicle's setpoints are."""
+    response = BEHAVIOURS[vehicle.autopilot].response.configured(flight)
+    return response.velocity_delay_s + response.velocity_lag_s

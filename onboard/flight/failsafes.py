@@ -184,10 +184,10 @@ RULES: Mapping[Condition, Rule] = MappingProxyType(
         ),
         _C.POSITION_FROZEN: _rule(
             _S.CRITICAL,
-            "the position stands still while the vehicle's tilt says that it moves",
+            "the position stands still while the vehicle's tilt says that it moves (PX4: within 0.6 s)",
             Stage(_A.STOP, 0.0, "position frozen ({}); stopping"),
             Stage(_A.LAND, 1.5, "position still frozen; landing here"),
-            noticed_s=0.6,
+            noticed_s=1.1,
             clears_s=1.0,
             over="the position moves again",
         ),

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from onboard.config import Scenario, load_scenario
 from sim_bridge.reliability.bars import measure
-from sim_bridge.reliability.cases import CASES
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.report import judged_anew, markdown, write_into
 from sim_bridge.reliability.run import Batch, batches, fly, moments, representative
+from sim_bridge.reliability.suite import CASES
 from sim_bridge.reliability.verdict import Outcome
 
 

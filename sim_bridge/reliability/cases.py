@@ -1,14 +1,14 @@
-"""The table: which fault in which phase asks for which reaction, and by when."""
+"""The table: which fault in which phase asks for which reaction, and by when; flown with PX4 unless a row says so."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 from onboard.config.faults import Component, FaultConfig, FaultType
 from onboard.flight.failsafes import RULES, Condition
+from sim_bridge.autopilot.firmwares import Firmware
 from sim_bridge.reliability.flight import SAMPLE_S, VICTIM
 from sim_bridge.reliability.phases import AIR, ORDINARY, Phase
 from sim_bridge.reliability.reactions import (
@@ -29,7 +29,7 @@ from sim_bridge.reliability.reactions import (
     within,
 )
 
-__all__ = ["ANYTIME", "CASES", "FENCE_M", "REPRESENTATIVE", "SEPARATION_M", "Case", "Expected", "Gap"]
+__all__ = ["ANYTIME", "FENCE_M", "PX4_CASES", "SEPARATION_M", "SILENT_FENCE_M", "Case", "Expected", "Gap"]
 
 FENCE_M = 0.3
 """How far outside the fence a vehicle may be: plans keep inside, tracking errors do not."""
@@ -64,6 +64,7 @@ class Expected:
         deadline_s: By when after the fault's beginning, s.
         fence_m: How far outside the fence the vehicle may come, m.
         others: Whether all other vehicles carry on.
+        ground_lands: Whether the ground may have to land a vehicle by its autopilot, past its onboard process.
         gap: What is missing in the stack for it; None when it holds.
     """
 
@@ -71,6 +72,7 @@ class Expected:
     deadline_s: float = 0.0
     fence_m: float = FENCE_M
     others: bool = True
+    ground_lands: bool = False
     gap: Gap | None = None
 
 
@@ -82,11 +84,13 @@ class Case:
         name: The fault in words.
         fault: What goes wrong, from when it is injected on.
         expected: By phase; phases that are left out are not flown.
+        autopilot: What all vehicles are flown by.
     """
 
     name: str
     fault: FaultConfig
     expected: Mapping[Phase, Expected]
+    autopilot: Firmware = "px4"
 
     def happening_to(self, vehicle_id: int) -> Case:
         """The same fault of one vehicle."""
@@ -126,10 +130,10 @@ def _in(expected: Expected, *phases: Phase) -> dict[Phase, Expected]:
 _EVERYWHERE = _in(_ON, *ORDINARY)
 _FLYING = _in(_ON, Phase.TAKEOFF, Phase.TRACKING)
 
-_SILENT_FENCE_M = 2.2
+SILENT_FENCE_M = 2.2
 """A PX4 flies its last setpoint on for 1.05 to 1.13 s (COM_OF_LOSS_T), then brakes: 1.5 m/s with the correction."""
 
-_FAILSAFE = Expected(FAILS_SAFE, 2.4, fence_m=_SILENT_FENCE_M)
+_FAILSAFE = Expected(FAILS_SAFE, 2.4, fence_m=SILENT_FENCE_M)
 """1.05 to 1.13 s after the last setpoint, shown by the next heartbeat."""
 
 _NOTHING = (Case("nothing", _fault(_C.RADIO, _T.INTERMITTENT, _ALL, 5.0, loss=0.0), _EVERYWHERE),)
@@ -270,7 +274,7 @@ _MOCAP = (
     Case("mocap: half lost", _fault(_C.MOCAP, _T.INTERMITTENT, _ONE, 4.0), _EVERYWHERE),
 )
 
-_NO_LINK = Expected(all_of(FAILS_SAFE, says("autopilot link lost")), 5.7, fence_m=_SILENT_FENCE_M)
+_NO_LINK = Expected(all_of(FAILS_SAFE, says("autopilot link lost")), 5.7, fence_m=SILENT_FENCE_M)
 """4.5 s after the last heartbeat, which was up to 1 s old."""
 
 _LATE_FENCE_M = 0.9
@@ -353,11 +357,15 @@ _GROUND = (
     Case("ground link: 1 s late", _fault(_C.GROUND_LINK, _T.DELAYED, _ALL, 6.0, delay_s=1.0), _EVERYWHERE),
 )
 
+_UNHEARD = Gap("who comes down unheard may lie at the home of one that was too far away to hear it fall silent", "^sep")
+
 _PROCESS = (
     Case(
         "process: killed",
         _fault(_C.PROCESS, _T.OFF, _ONE, None),
-        _in(_FAILSAFE, *AIR) | _in(Expected(STAYS_DOWN), Phase.GROUND, Phase.ARMING),
+        _in(_FAILSAFE, *AIR)
+        | _in(replace(_FAILSAFE, gap=_UNHEARD), Phase.PAUSED)
+        | _in(Expected(STAYS_DOWN), Phase.GROUND, Phase.ARMING),
     ),
     Case(
         "process: killed, starts again after 3 s",
@@ -434,32 +442,11 @@ _CLOCK = (
 _ANYTIME = Case(
     "process: killed at a random moment",
     _fault(_C.PROCESS, _T.OFF, _ONE, None),
-    _in(Expected(SAFE_ALONE, 2.4, fence_m=_SILENT_FENCE_M), *ORDINARY),
+    _in(Expected(SAFE_ALONE, 2.4, fence_m=SILENT_FENCE_M), *ORDINARY),
 )
 
-CASES = (*_NOTHING, *_RADIO, *_DETECTOR, *_MOCAP, *_AUTOPILOT, *_GROUND, *_PROCESS, *_PLANNER, *_CLOCK)
+PX4_CASES = (*_NOTHING, *_RADIO, *_DETECTOR, *_MOCAP, *_AUTOPILOT, *_GROUND, *_PROCESS, *_PLANNER, *_CLOCK)
 """What happens at the beginning of a phase."""
 
 ANYTIME = (_ANYTIME,)
 """What happens at a random moment of a phase, to a random vehicle."""
-
-REPRESENTATIVE: Mapping[Phase, tuple[str, ...]] = MappingProxyType(
-    {
-        Phase.TRACKING: (
-            "radio: 30 % lost",
-            "radio: off",
-            "detector: ghosts",
-            "mocap: off for 1.5 s",
-            "mocap: repeats itself for 4 s",
-            "autopilot: reboots",
-            "autopilot link: off for 7 s",
-            "process: killed",
-            "process: killed, starts again after 1 s",
-            "process: stopped for 3 s",
-            "planner: hangs for good",
-        ),
-        Phase.ARMING: ("autopilot: refuses to arm for 3 s", "ground link: half lost"),
-        Phase.RETURNING: ("process: killed", "autopilot: mode stuck for 5 s"),
-    }
-)
-"""The flights that every test run flies."""

@@ -30,6 +30,8 @@ SAMPLE_S = 0.1
 TOGETHER_M = 1.0
 """A third of the lab's radio range: a teammate that falls silent there is missed, also after braking."""
 RETRY_S = 1.0
+GROUND_LANDS_AFTER_S = 25.0
+"""From the call to land until the ground lands by their autopilots those that still fly; the real one waits 60 s."""
 
 _ON_GROUND = (FlightState.WAIT, FlightState.STANDBY, FlightState.LANDED)
 _GOING_DOWN = (FlightState.RETURN, FlightState.LAND, FlightState.RELEASED, *_ON_GROUND)
@@ -201,15 +203,29 @@ class Flight:
             if self.state(vehicle_id) not in _GOING_DOWN:
                 self._order(vehicle_id, mavlink.MAV_CMD_NAV_LAND)
 
-    def land_all(self, limit_s: float) -> bool:
-        """Command the landing until all stand on the ground; whether they do within a time, s."""
-        end_s = self.now_s + limit_s
+    def land_all(self, limit_s: float, *, ground_lands: bool = False) -> bool:
+        """Command the landing until all stand on the ground; whether they do within a time, s.
+
+        Args:
+            limit_s: The time, s.
+            ground_lands: Whether the ground lands by its autopilot, as ``gcs.mission`` does, whose onboard process is
+                gone or has not landed it in time.
+        """
+        begin_s = self.now_s
         while not all(self.grounded(vehicle_id) for vehicle_id in self._ids):
-            if self.now_s >= end_s:
+            elapsed_s = self.now_s - begin_s
+            if elapsed_s >= limit_s:
                 return False
             self.order_landing()
+            if ground_lands:
+                self._land_autopilots(patient=elapsed_s < GROUND_LANDS_AFTER_S)
             self.run(RETRY_S)
         return True
+
+    def _land_autopilots(self, *, patient: bool) -> None:
+        for vehicle_id in self._ids:
+            if not self.grounded(vehicle_id) and (not patient or self.state(vehicle_id) is None):
+                self.team.command_autopilot(_long(vehicle_id, 1, mavlink.MAV_CMD_NAV_LAND))
 
     def run(self, duration_s: float) -> None:
         """Let time pass, and look ten times a second."""

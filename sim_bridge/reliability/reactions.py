@@ -5,18 +5,22 @@ A reaction is looked for in the record of a flight; what it gives is how long af
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 from onboard.flight.failsafes import Condition
 from onboard.messages import FlightState
+from onboard.protocol.ardupilot_modes import CopterMode
 from onboard.protocol.px4_modes import Px4Mode
 from sim_bridge.reliability.flight import Flight
 
 __all__ = [
     "ANYTHING",
     "CARRIES_ON",
+    "COMES_TO_REST",
     "FAILS_SAFE",
     "FLIES_IN_THE_END",
     "GOES_HOME",
@@ -36,6 +40,8 @@ __all__ = [
 ]
 
 _IN_AIR_M = 0.15
+_LAND_MODES = (Px4Mode.LAND, CopterMode.LAND)
+_REST_M_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +198,7 @@ def _safe_alone(evidence: Evidence) -> float | None:
 
     def safe_s(victim: int) -> Iterator[float]:
         for beat in evidence.flight.heartbeats:
-            safe = beat.failsafe or not beat.armed or beat.mode == Px4Mode.LAND
+            safe = beat.failsafe or not beat.armed or beat.mode in _LAND_MODES
             if beat.system == victim and beat.time_s > evidence.fault_s and safe:
                 yield beat.time_s
 
@@ -213,6 +219,22 @@ def _in_state(*states: FlightState) -> Callable[[Evidence], float | None]:
     return seen
 
 
+def _comes_to_rest(evidence: Evidence) -> float | None:
+    """Each victim stops over the ground and stays there while it is watched."""
+    watched = [s for s in evidence.flight.samples if evidence.fault_s < s.time_s <= evidence.end_s]
+
+    def rests_s(victim: int) -> Iterator[float]:
+        since_s = None
+        for before, after in pairwise(watched):
+            moved_m = math.dist(before.positions[victim][:2], after.positions[victim][:2])
+            moves = moved_m > _REST_M_S * (after.time_s - before.time_s)
+            since_s = None if moves else since_s or after.time_s
+        if since_s is not None:
+            yield since_s
+
+    return _by_all(evidence, rests_s)
+
+
 def _by_all(evidence: Evidence, times: Callable[[int], Iterator[float]]) -> float | None:
     """When the last of the victims did something first."""
     firsts = []
@@ -225,6 +247,7 @@ def _by_all(evidence: Evidence, times: Callable[[int], Iterator[float]]) -> floa
 
 
 CARRIES_ON = Reaction("carries on", _carries_on)
+COMES_TO_REST = Reaction("comes to rest", _comes_to_rest)
 FLIES_IN_THE_END = Reaction("flies with the others in the end", _flies_in_the_end)
 STAYS_DOWN = Reaction("stays on the ground", _stays_down)
 FAILS_SAFE = Reaction("autopilot fails safe, ground hears it", _fails_safe)

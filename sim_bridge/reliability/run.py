@@ -20,12 +20,14 @@ from multiprocessing.sharedctypes import Synchronized
 
 from onboard.config import Scenario
 from onboard.planning.warmup import warm_kernels
-from sim_bridge.reliability.cases import ANYTIME, CASES, REPRESENTATIVE, Case
+from sim_bridge.autopilot.firmwares import FIRMWARES, Firmware
+from sim_bridge.reliability.cases import Case
 from sim_bridge.reliability.flight import Flight, NotReachedError
 from sim_bridge.reliability.phases import ORDINARY, Phase
+from sim_bridge.reliability.suite import ANYTIME, CASES, REPRESENTATIVE
 from sim_bridge.reliability.verdict import Outcome, judge
 
-__all__ = ["Batch", "batches", "fly", "fly_batch", "moments", "representative"]
+__all__ = ["Batch", "batches", "flown_by", "fly", "fly_batch", "moments", "representative"]
 
 CPU_LIMIT_S = 120
 """A flight takes a few seconds of processor time; one that takes so many hangs."""
@@ -42,7 +44,7 @@ class Batch:
     Attributes:
         phase: Which.
         seed: Of all of them.
-        cases: What happens then, one in each flight.
+        cases: What happens then, one in each flight; all with the same autopilot.
         later_s: From the phase's beginning on until it happens, s.
     """
 
@@ -51,6 +53,11 @@ class Batch:
     cases: tuple[Case, ...]
     later_s: float = 0.0
 
+    @property
+    def autopilot(self) -> Firmware:
+        """What flies the vehicles."""
+        return self.cases[0].autopilot
+
 
 def batches(seeds: Sequence[int], cases: Iterable[Case] = CASES, phases: Iterable[Phase] = Phase) -> list[Batch]:
     """All that is to be flown, seed by seed."""
@@ -58,15 +65,20 @@ def batches(seeds: Sequence[int], cases: Iterable[Case] = CASES, phases: Iterabl
     found = []
     for seed in seeds:
         for phase in phases:
-            flown = tuple(case for case in cases if phase in case.expected)
-            found += [Batch(phase, seed, flown[i : i + _BATCH]) for i in range(0, len(flown), _BATCH)]
+            for autopilot in FIRMWARES:
+                flown = tuple(case for case in cases if phase in case.expected and case.autopilot == autopilot)
+                found += [Batch(phase, seed, flown[i : i + _BATCH]) for i in range(0, len(flown), _BATCH)]
     return found
 
 
 def representative() -> list[Batch]:
     """What every test run flies."""
     by_name = {case.name: case for case in CASES}
-    return [Batch(phase, 1, tuple(by_name[name] for name in names)) for phase, names in REPRESENTATIVE.items()]
+    return [
+        batch
+        for phase, names in REPRESENTATIVE.items()
+        for batch in batches((1,), [by_name[name] for name in names], (phase,))
+    ]
 
 
 def moments(count: int, vehicles: Sequence[int]) -> list[Batch]:
@@ -115,6 +127,7 @@ def _work(lab: Scenario, todo: Sequence[Batch], taken: Synchronized[int], outcom
 
 def fly_batch(lab: Scenario, batch: Batch) -> Iterator[Outcome]:
     """Fly one batch; a flight that crashes or hangs fails without harming the others."""
+    lab = flown_by(lab, batch.autopilot)
     flight = Flight(lab, batch.seed)
     try:
         flight.fly_to(batch.phase)
@@ -125,6 +138,12 @@ def fly_batch(lab: Scenario, batch: Batch) -> Iterator[Outcome]:
         flight.run(batch.later_s)
     for case in batch.cases:
         yield _in_child(flight, lab, case, batch)
+
+
+def flown_by(lab: Scenario, autopilot: Firmware) -> Scenario:
+    """The scenario with another autopilot in all vehicles."""
+    vehicles = tuple(vehicle.model_copy(update={"autopilot": autopilot}) for vehicle in lab.vehicles)
+    return lab.model_copy(update={"vehicles": vehicles})
 
 
 def _in_child(flight: Flight, scenario: Scenario, case: Case, batch: Batch) -> Outcome:

@@ -98,7 +98,7 @@ def judge(flight: Flight, scenario: Scenario, case: Case, phase: Phase, seed: in
     ids = [vehicle.id for vehicle in scenario.vehicles]
     evidence = Evidence(flight, case.fault.vehicles or tuple(ids), fault_s, flight.now_s)
     tracked = _tracked(flight)
-    all_down = flight.land_all(LANDING_LIMIT_S)
+    all_down = flight.land_all(LANDING_LIMIT_S, ground_lands=expected.ground_lands)
     lands_s = flight.now_s - evidence.end_s
 
     failures = []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from onboard.config import load_scenario
+from onboard.config import Scenario, load_scenario
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.hearing import Hearing
@@ -24,10 +24,10 @@ STATUS = PeerStatus(2, NOW, FlightState.TRACK, (2.0, 4.0, -1.7), 0.0, (1,), Fals
 NORTHWARD = PlanTrajectory(NOW - 1.0, Pose(1.0, 4.0, 0.0), [Primitive(1.0, 0.0)] * 12, 0.5)
 
 
-def last_heard(status: PeerStatus, far_m: float = 3.0) -> tuple[LastResort, Hearing]:
+def last_heard(status: PeerStatus, far_m: float = 3.0, scenario: Scenario = LAB) -> tuple[LastResort, Hearing]:
     """A last resort that has heard this peer from as far as that before, and then this status."""
     hearing = Hearing()
-    resort = LastResort(LAB, LAB.vehicle(1), hearing)
+    resort = LastResort(scenario, scenario.vehicle(1), hearing)
     then = Pose(status.position[0], status.position[1] + far_m, 0.0)
     hearing.receive_status(dataclasses.replace(status, time_s=NOW - 1.0), then, -1.7, NOW - 1.0)
     resort.receive_plan(2, NORTHWARD)
@@ -104,17 +104,20 @@ def test_who_lands_is_kept_off_by_those_below_only() -> None:
     assert resort.obstructions(NOW, (2.0, 2.0), -2.4) == []
 
 
-def test_a_turn_is_flown_on_straight() -> None:
-    resort, hearing = last_heard(STATUS)
+@pytest.mark.parametrize(("autopilot", "lead_s"), [("px4", 0.08), ("ardupilot", 0.42)])
+def test_a_turn_is_flown_on_straight_from_where_its_last_setpoint_leads(autopilot: str, lead_s: float) -> None:
+    """Setpoints are sent ahead by what an autopilot takes to follow them, as measured."""
+    mates = tuple(mate.model_copy(update={"autopilot": autopilot}) for mate in LAB.vehicles)
+    resort, hearing = last_heard(STATUS, scenario=LAB.model_copy(update={"vehicles": mates}))
     turning = PlanTrajectory(NOW - 0.5, Pose(1.5, 4.0, 0.0), [Primitive(1.0, 0.0), *[Primitive(1.0, 1.0)] * 11], 0.5)
     resort.receive_plan(2, turning)
     hearing.receive(2, NOW + 0.5)
     resort.obstructions(NOW + 0.5 + SILENT_S + 0.1, (2.4, 3.0), BELOW_M)
     (stray,) = resort.strays
-    last = turning.reference(NOW + 0.5)
+    last = turning.reference(NOW + 0.5 + lead_s)
     assert stray.begin == pytest.approx((last.pose.north_m, last.pose.east_m))
     heading = math.atan2(stray.end[1] - stray.begin[1], stray.end[0] - stray.begin[0])
-    assert heading == pytest.approx(0.5), "of the plan when it was heard last"
+    assert heading == pytest.approx(0.5 + lead_s), "of the plan when it was heard last, and a little later"
 
 
 def test_those_who_did_not_hear_a_teammate_are_told_where_it_fell_silent() -> None:
