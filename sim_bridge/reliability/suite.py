@@ -27,7 +27,7 @@ REPRESENTATIVE: Mapping[Phase, tuple[str, ...]] = MappingProxyType(
             "process: killed, starts again after 1 s",
             "process: stopped for 3 s",
             "planner: hangs for good",
-            "mocap: frozen for 4 s",
+            "mocap: frozen, with noise, for 4 s",
             "mocap: jumps by 1.5 m",
             "battery: empty",
             "clock: jumps by 0.3 s for 5 s",
