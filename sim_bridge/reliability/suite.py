@@ -21,6 +21,7 @@ REPRESENTATIVE: Mapping[Phase, tuple[str, ...]] = MappingProxyType(
             "radio: off",
             "detector: ghosts",
             "mocap: off for 1.5 s",
+            "mocap: repeats itself for 4 s",
             "autopilot: reboots",
             "autopilot link: off for 7 s",
             "process: killed",
