@@ -1,6 +1,7 @@
 """The systemd units say what the programs do."""
 
 import configparser
+import re
 import shutil
 import subprocess
 import sys
@@ -32,10 +33,33 @@ def test_the_unit_gives_what_the_process_uses() -> None:
     assert arguments == ["/etc/arvi/team.yaml", "--vehicle", "%i"]
 
 
-@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here to check units with")
-def test_systemd_understands_the_unit(tmp_path: Path) -> None:
+def systemd_analyze(*arguments: str, since: int) -> subprocess.CompletedProcess[str]:
+    """Run systemd-analyze; skips where there is none, or one of before the release that knows these arguments."""
+    program = shutil.which("systemd-analyze")
+    if program is None:
+        pytest.skip("no systemd-analyze here to check units with")
+    told = subprocess.run([program, "--version"], capture_output=True, text=True, check=True).stdout
+    release = re.match(r"systemd (\d+)", told)
+    if release is None or int(release[1]) < since:
+        pytest.skip(f"systemd {since} or newer is needed, here is: {told.splitlines()[0]}")
+    return subprocess.run([program, *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def instance(tmp_path: Path) -> Path:
+    """The unit of vehicle 1, with a program that is there."""
     text = UNIT.read_text(encoding="utf-8").replace("/opt/arvi/.venv/bin/arvi", sys.executable)
-    (tmp_path / UNIT.name).write_text(text, encoding="utf-8")
-    instance = tmp_path / "arvi-onboard@1.service"
-    answer = subprocess.run(["systemd-analyze", "verify", str(instance)], capture_output=True, text=True, check=False)
+    path = tmp_path / UNIT.name.replace("@", "@1")
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_systemd_understands_the_unit(instance: Path) -> None:
+    answer = systemd_analyze("verify", str(instance), since=0)
     assert (answer.returncode, answer.stderr) == (0, "")
+
+
+def test_systemd_finds_little_exposed(instance: Path) -> None:
+    """Of ten, less is better; an option taken out by mistake is seen here."""
+    answer = systemd_analyze("security", "--offline=yes", "--no-pager", "--threshold=21", str(instance), since=250)
+    assert answer.returncode == 0, answer.stdout
