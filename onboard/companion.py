@@ -271,11 +271,13 @@ class Companion:
         if start_s <= time_s and self.machine.rejoin(time_s):
             self._begin_mission(start_s)
             return None
-        if not 0.0 <= start_s - time_s <= MAX_START_AHEAD_S:
-            return Refusal(
-                mavlink.MAV_RESULT_DENIED,
-                f"start refused: step 0 in {start_s - time_s:.1f} s; it is 0 to {MAX_START_AHEAD_S:.0f} s ahead",
-            )
+        if start_s < time_s:
+            began = f"start refused: step 0 was {time_s - start_s:.1f} s ago"
+            only = "a running mission is taken up only in the air, when the autopilot is heard"
+            return Refusal(mavlink.MAV_RESULT_DENIED, f"{began}; {only}")
+        if start_s > time_s + MAX_START_AHEAD_S:
+            ahead = f"start refused: step 0 in {start_s - time_s:.1f} s"
+            return Refusal(mavlink.MAV_RESULT_DENIED, f"{ahead}; at most {MAX_START_AHEAD_S:.0f} s ahead")
         refusal = self.machine.start(time_s)
         if refusal is None:
             self._begin_mission(start_s)
