@@ -48,21 +48,18 @@ class LandingPlace:
             for status in heard
             if status.state not in _ELSEWHERE_SOON and not (status.state is FlightState.RETURN and not status.over_home)
         ]
-        if self._free(home, down, strays, unsure=False):
+        if self._free(home, down, strays):
             return None
         for place in _rings(home):
-            if not self._inside(place) or not self._free(place, [*down, *self._homes.values()], strays, unsure=True):
+            if not self._inside(place) or not self._free(place, [*down, *self._homes.values()], strays):
                 continue
             return place
         return None
 
-    def _free(self, place: Point, taken: Iterable[Point], strays: Iterable[Stray], *, unsure: bool) -> bool:
+    def _free(self, place: Point, taken: Iterable[Point], strays: Iterable[Stray]) -> bool:
         if any(math.dist(place, other) < self._clear_m for other in taken):
             return False
-        return all(
-            math.dist(place, stray.nearest(place)) >= self._clear_m + (stray.unsure_m if unsure else 0.0)
-            for stray in strays
-        )
+        return all(math.dist(place, stray.nearest(place)) >= self._clear_m + stray.unsure_m for stray in strays)
 
     def _inside(self, place: Point) -> bool:
         mission = self._mission

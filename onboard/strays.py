@@ -181,9 +181,10 @@ class Strays:
         if known is not None and known.heard_s >= heard_s:
             return
         last = place(status, heard_s)
+        drift_m = self._drift_m if math.hypot(*last.velocity) > MOVING_M_S else 0.0
         away_m = self._may_be_away_m(status, last, time_s - heard_s, here)
         if math.hypot(away_m, status.position[2] - down_m) <= self._hearing.reach_m:
-            self._lost[status.sender] = _Lost(heard_s, self._on_from(status, last, self._drift_m, sinks=False))
+            self._lost[status.sender] = _Lost(heard_s, self._on_from(status, last, drift_m, sinks=False))
 
     def _may_be_away_m(self, status: PeerStatus, last: Place, silence_s: float, here: Point) -> float:
         """How far away, on the level, a silent peer may be if it is well: plans are made anew every second."""
@@ -210,7 +211,7 @@ class Strays:
 
     def _where_it_says(self, status: PeerStatus) -> Stray:
         place = Place((status.position[0], status.position[1]), status.velocity)
-        if status.adrift:
+        if status.adrift:  # it may well be blind, and be wrong about its own place
             return self._on_from(status, place, self._drift_m, sinks=False)
         return self._on_from(status, place, 0.0, sinks=True)
 
@@ -222,7 +223,7 @@ class Strays:
             status.sender,
             (north, east),
             (north + ahead_s * north_m_s, east + ahead_s * east_m_s),
-            max(UNSURE_M, drift_m if speed_m_s > MOVING_M_S else 0.0),
+            max(UNSURE_M, drift_m),
             status.position[2],
             sinks,
         )

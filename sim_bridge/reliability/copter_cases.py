@@ -28,7 +28,7 @@ __all__ = ["COPTER_CASES"]
 _PHASES = (Phase.TRACKING, Phase.RETURNING, Phase.LANDING)
 
 _BLIND = Gap(
-    "a vehicle that lands blind comes down up to 0.5 m from where it believes to be, where a teammate may land, too",
+    "a vehicle that lands blind may come down 0.9 m from where it believes to be, where a teammate lands, too",
     "^separation",
 )
 
