@@ -24,6 +24,8 @@ from gcs.version import program_version
 
 __all__ = ["app", "main"]
 
+_OURS = ("gcs", "sim_bridge", "onboard")
+
 app = typer.Typer(
     name="arvi",
     help="Fly teams of robots that plan together where to look (MAVLink: PX4, ArduPilot).",
@@ -37,7 +39,18 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command line: 0 fine, 1 something failed in flight, 2 bad input."""
-    app()
+    try:
+        app()
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] in _OURS:
+            raise
+        typer.echo(
+            f"arvi: this command needs {error.name}, which is not installed here. Vehicles are installed without the "
+            "ground station's parts (requirements/vehicle.lock); install the whole project where this is to run: "
+            "`pip install .`",
+            err=True,
+        )
+        raise SystemExit(2) from None
 
 
 def _print_version(wanted: bool) -> None:

@@ -2,8 +2,9 @@
 
 The rules are MAVLink's (https://mavlink.io/en/guide/routing.html): broadcasts go everywhere, what is addressed goes
 only where its addressee was heard, what is unknown is passed on, and no frame is ever changed or sent back to where it
-came from. Two rules of our own: vehicles are not connected with each other (they have their radio, with its range), and
-what claims to come from a vehicle is believed on the team's link only, so a circle of forwarding stations ends here.
+came from. Three rules of our own: vehicles are not connected with each other (they have their radio, with its range);
+what claims to come from a vehicle is believed on the team's link only, so a circle of forwarding stations ends here;
+and onboard processes, which hear their own ground station alone, are spared the broadcasts of others.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ _ROUTE_TIMEOUT_S = 3.0
 """Silence after which a component is reached where else it is heard, s."""
 
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
+_ONBOARD = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 _SILENT_AFTER_S = 10.0
 _MAX_PORTS_PER_LINK = 16
 
@@ -117,7 +119,9 @@ class Router:
         if system == BROADCAST:
             ports = [*self._others, *(port for port in self._always if port not in self._others)]
             if not from_team:
-                ports += dict.fromkeys(port for port in self._ports.values() if port.link == TEAM)
+                ports += dict.fromkeys(
+                    port for known, port in self._ports.items() if port.link == TEAM and known[1] != _ONBOARD
+                )
         else:
             ports = list(
                 dict.fromkeys(

@@ -62,6 +62,16 @@ def test_help_loads_nothing_heavy():
     assert result.stderr == ""
 
 
+def test_a_vehicles_installation_says_what_is_missing_for_a_ground_station(own_ports):
+    lacking = "import sys; sys.modules['mcap'] = sys.modules['mcap.writer'] = None; from gcs.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", lacking, "gcs", str(own_ports)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert "needs mcap" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_version():
     from importlib.metadata import version
 

@@ -32,8 +32,10 @@ def test_a_vehicles_broadcast_goes_to_every_ground_station_and_no_vehicle(router
     assert set(router.ways(frame(1, 1), ONE)) == {QGC, PROXY}
 
 
-def test_a_ground_stations_broadcast_goes_to_all_others_but_not_back(router):
-    assert set(router.ways(frame(255, 190), QGC)) == {ONE, TWO, TWO_B, PROXY}
+def test_a_ground_stations_broadcast_goes_to_all_others_but_not_back_and_spares_onboard_processes(router):
+    assert set(router.ways(frame(255, 190), QGC)) == {ONE, TWO, PROXY}
+    router.receive(frame(1, 191), ONE, 0.0)
+    assert ONE in router.ways(frame(255, 190), QGC), "an autopilot is there, too"
 
 
 @pytest.mark.parametrize(
