@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from onboard.config.polygon import Point, nearest_on_segment
 from onboard.config.schema import Scenario
@@ -25,6 +25,9 @@ Keeping off costs little, so it begins long before anybody is told (``company.PE
 
 FLIES_ON_S = 2.0
 """How long it may fly on as it last did: from its last word to its end, PX4's COM_OF_LOSS_T, and what braking takes."""
+
+GOES_ON_S = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
+"""So long after its last word it may have gone on as planned, since it says something twice a second."""
 
 FORESEEN_S = 2.0
 DEVIATES_M = 0.8
@@ -180,11 +183,20 @@ class Strays:
             return
         if known is not None and known.heard_s >= heard_s:
             return
-        last = place(status, heard_s)
-        drift_m = self._drift_m if math.hypot(*last.velocity) > MOVING_M_S else 0.0
-        away_m = self._may_be_away_m(status, last, time_s - heard_s, here)
+        away_m = self._may_be_away_m(status, place(status, heard_s), time_s - heard_s, here)
         if math.hypot(away_m, status.position[2] - down_m) <= self._hearing.reach_m:
-            self._lost[status.sender] = _Lost(heard_s, self._on_from(status, last, drift_m, sinks=False))
+            self._lost[status.sender] = _Lost(heard_s, self._astray(status, heard_s, place))
+
+    def _astray(self, status: PeerStatus, heard_s: float, place: Callable[[PeerStatus, float], Place]) -> Stray:
+        """Straight on from where it may have been when it fell silent; in a turn that is a fan, here its middle."""
+        ways = []
+        for later_s in GOES_ON_S:
+            left = place(status, heard_s + later_s)
+            drift_m = self._drift_m if math.hypot(*left.velocity) > MOVING_M_S else 0.0
+            ways.append(self._on_from(status, left, drift_m, sinks=False, flies_on_s=FLIES_ON_S - later_s))
+        middle = ways[len(ways) // 2]
+        off_m = max(math.dist(middle.nearest(end), end) for way in ways for end in (way.begin, way.end))
+        return replace(middle, unsure_m=max(middle.unsure_m, off_m))
 
     def _may_be_away_m(self, status: PeerStatus, last: Place, silence_s: float, here: Point) -> float:
         """How far away, on the level, a silent peer may be if it is well: plans are made anew every second."""
@@ -215,10 +227,12 @@ class Strays:
             return self._on_from(status, place, self._drift_m, sinks=False)
         return self._on_from(status, place, 0.0, sinks=True)
 
-    def _on_from(self, status: PeerStatus, place: Place, drift_m: float, *, sinks: bool) -> Stray:
+    def _on_from(
+        self, status: PeerStatus, place: Place, drift_m: float, *, sinks: bool, flies_on_s: float = FLIES_ON_S
+    ) -> Stray:
         (north, east), (north_m_s, east_m_s) = place.point, place.velocity
         speed_m_s = math.hypot(north_m_s, east_m_s)
-        ahead_s = FLIES_ON_S * min(1.0, HASTE * self._speed_m_s / max(speed_m_s, 1e-9))
+        ahead_s = flies_on_s * min(1.0, HASTE * self._speed_m_s / max(speed_m_s, 1e-9))
         return Stray(
             status.sender,
             (north, east),
