@@ -8,10 +8,16 @@ import math
 import random
 import subprocess
 import sys
+from itertools import combinations
 from pathlib import Path
 
 import pytest
 import yaml
+
+from gcs.recording.tlog import read_tlog
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec, message_id
+from sim_bridge.faults import TAKEN_OFF_M
 
 pytestmark = pytest.mark.faults
 
@@ -21,16 +27,16 @@ BEGIN_S = 14.0
 
 
 class Flown:
-    """A flight's exit code, texts and summary."""
+    """A flight's exit code, texts, summary and recording."""
 
     def __init__(self, folder, *faults):
         data = yaml.safe_load(LAB.read_text(encoding="utf-8"))
         data["simulation"]["faults"] = [{"from_s": BEGIN_S} | fault for fault in faults]
         config, summary = folder / "faulty.yaml", folder / "summary.json"
         config.write_text(json.dumps(data), encoding="utf-8")
-        command = [sys.executable, "-m", "gcs", "fly", str(config), "--duration", "24", "--headless", "--no-record"]
+        command = [sys.executable, "-m", "gcs", "fly", str(config), "--duration", "24", "--headless"]
         finished = subprocess.run(
-            [*command, "--json", str(summary)],
+            [*command, "--json", str(summary), "--record", str(folder / "flights")],
             capture_output=True,
             text=True,
             timeout=240,
@@ -39,6 +45,7 @@ class Flown:
         )
         self.code, self.text = finished.returncode, finished.stdout + finished.stderr
         self.summary = json.loads(summary.read_text()) if summary.exists() else None
+        self._recording = folder / "flights"
         print(self.text)
 
     def vehicle(self, number):
@@ -54,12 +61,34 @@ class Flown:
         lands = self.at(f"vehicle {number}: mode OFFBOARD → LAND")
         return lands if lands < self.at(f"vehicle {number}: landing ordered") else math.inf
 
-    def check_all_down_and_apart(self, *numbers):
+    def check_apart_but_for_the_dead(self, killed_s):
+        """Nobody comes near to anybody while either is flown by its process; killed when, s since takeoff."""
+        (path,) = self._recording.glob("*/bridge.tlog")
+        codec = Codec(99, 0)
+        places: dict[int, tuple[float, float, float]] = {}
+        took_off_s = math.inf
+        for time_usec, frame in read_tlog(path):
+            if message_id(frame) != mavlink.MAVLINK_MSG_ID_VEHICLE_TRUTH:
+                continue
+            for truth in codec.decode(frame):
+                places[truth.vehicle] = (truth.north, truth.east, truth.down)
+                if truth.down < -TAKEN_OFF_M:
+                    took_off_s = min(took_off_s, time_usec * 1e-6)
+            elapsed_s = time_usec * 1e-6 - took_off_s
+            dead = {number for number, at_s in killed_s.items() if elapsed_s > at_s}
+            for one, other in combinations(places, 2):
+                assert {one, other} <= dead or math.dist(places[one], places[other]) >= 0.5, (one, other, elapsed_s)
+        assert took_off_s < math.inf
+
+    def check_all_down(self, *numbers):
         for number in numbers:
-            vehicle = self.vehicle(number)
-            assert vehicle["landed"], number
-            assert vehicle["disarmed"], number
-            assert vehicle["min_separation_m"] >= 0.5
+            assert self.vehicle(number)["landed"], number
+            assert self.vehicle(number)["disarmed"], number
+
+    def check_all_down_and_apart(self, *numbers):
+        self.check_all_down(*numbers)
+        for number in numbers:
+            assert self.vehicle(number)["min_separation_m"] >= 0.5, number
 
 
 @pytest.fixture
@@ -108,7 +137,10 @@ def test_a_killed_process_leaves_its_vehicle_in_its_autopilots_failsafe_and_the_
 
 @pytest.mark.parametrize("seed", range(1, 18))
 def test_any_process_may_be_killed_at_any_moment(fly, seed):
-    """Each vehicle's once a flight, from its take-off to its landing: 51 moments in all."""
+    """Each vehicle's once a flight, from its take-off to its landing: 51 moments in all.
+
+    Two that nobody flies any more come down wherever they are; all others keep clear of them.
+    """
     draw = random.Random(seed)
     moments = {number: draw.uniform(0.5, 38.0) for number in (1, 2, 3)}
     flown = fly(*(fault("process", "off", None, (number,)) | {"from_s": at_s} for number, at_s in moments.items()))
@@ -117,7 +149,8 @@ def test_any_process_may_be_killed_at_any_moment(fly, seed):
         assert flown.failed_safe(number) > killed, "whose process lives flies on"
         if killed < flown.at(f"vehicle {number}: landing ordered"):
             assert flown.failed_safe(number) < math.inf, "whose process is dead is landed by its autopilot"
-    flown.check_all_down_and_apart(1, 2, 3)
+    flown.check_all_down(1, 2, 3)
+    flown.check_apart_but_for_the_dead(moments)
 
 
 def test_a_process_that_starts_again_takes_its_vehicle_up_in_the_air(fly):
