@@ -28,12 +28,14 @@ class Peer:
         status: What it last said of itself; None if it has not yet.
         apart_m: How far away it was then, in three dimensions, m; infinity if this robot did not know its own place.
         moved_s: When it first said that it is where it says that it is, UNIX time, s.
+        adrift_s: Since when it says without a break that it is adrift, UNIX time, s; None if it does not.
     """
 
     heard_s: float
     status: PeerStatus | None = None
     apart_m: float = math.inf
     moved_s: float = -math.inf
+    adrift_s: float | None = None
 
 
 class Hearing:
@@ -67,6 +69,10 @@ class Hearing:
         peer = self.peers[status.sender]
         if peer.status is None or peer.status.position != status.position:
             peer.moved_s = time_s
+        if not status.adrift:
+            peer.adrift_s = None
+        elif peer.adrift_s is None:
+            peer.adrift_s = status.time_s
         peer.status = status
         peer.apart_m = math.inf if then is None else math.dist(status.position, (then.north_m, then.east_m, down_m))
         if then is not None and time_s - status.time_s < FRESH_S:

@@ -39,6 +39,10 @@ HASTE = 1.2
 SAME_S = 0.5
 """Two who missed a teammate at nearly the same time need not correct each other."""
 
+BLIND_M_S = 0.1
+MOST_BLIND_M = 0.5
+"""One that is adrift may be blind, and farther from where it believes to be with every second until it stands."""
+
 UNSURE_M = 0.2
 MOVING_M_S = 0.3
 
@@ -223,8 +227,10 @@ class Strays:
 
     def _where_it_says(self, status: PeerStatus) -> Stray:
         place = Place((status.position[0], status.position[1]), status.velocity)
-        if status.adrift:  # it may well be blind, and be wrong about its own place
-            return self._on_from(status, place, self._drift_m, sinks=False)
+        adrift_s = self._hearing.peers[status.sender].adrift_s
+        if status.adrift and adrift_s is not None:
+            off_m = min(BLIND_M_S * (status.time_s - adrift_s), MOST_BLIND_M)
+            return self._on_from(status, place, self._drift_m + off_m, sinks=False)
         return self._on_from(status, place, 0.0, sinks=True)
 
     def _on_from(

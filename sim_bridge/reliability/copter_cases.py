@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from onboard.flight.failsafes import RULES, Condition
-from sim_bridge.reliability.cases import PX4_CASES, SILENT_FENCE_M, Case, Expected, Gap
+from sim_bridge.reliability.cases import PX4_CASES, SILENT_FENCE_M, Case, Expected
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.reactions import (
     CARRIES_ON,
@@ -26,11 +26,6 @@ from sim_bridge.reliability.reactions import (
 __all__ = ["COPTER_CASES"]
 
 _PHASES = (Phase.TRACKING, Phase.RETURNING, Phase.LANDING)
-
-_BLIND = Gap(
-    "a vehicle that lands blind may come down 0.9 m from where it believes to be, where a teammate lands, too",
-    "^separation",
-)
 
 _RESTS = Expected(COMES_TO_REST, 3.0, fence_m=SILENT_FENCE_M, ground_lands=True)
 """GUID_TIMEOUT, and what braking takes."""
@@ -51,12 +46,6 @@ def _as_px4(name: str) -> Case:
     return _copter(case, {phase: case.expected[phase] for phase in _PHASES if phase in case.expected})
 
 
-def _with_gap(name: str, gap: Gap) -> Case:
-    """As PX4, but for what is missing for ArduPilot."""
-    case = _as_px4(name)
-    return replace(case, expected={phase: replace(expected, gap=gap) for phase, expected in case.expected.items()})
-
-
 def _otherwise(name: str, expected: Mapping[Phase, Expected]) -> Case:
     return _copter(_px4(name), expected)
 
@@ -74,7 +63,9 @@ _SAME = (
     "radio: 30 % lost",
     "radio: of one vehicle off",
     "mocap: off for 1.5 s",
+    "mocap: off for good",
     "mocap: repeats itself for 1 s",
+    "mocap: repeats itself for 4 s",
     "mocap: jumps by 0.3 m",
     "mocap: jumps by 1.5 m",
     "mocap: scatters by 0.1 m",
@@ -104,7 +95,6 @@ _FREEZES_FENCE_M = 2.0
 
 COPTER_CASES = (
     *(_as_px4(name) for name in _SAME),
-    *(_with_gap(name, _BLIND) for name in ("mocap: off for good", "mocap: repeats itself for 4 s")),
     _otherwise(
         "mocap: frozen, with noise, for 1 s",
         {Phase.TRACKING: Expected(all_of(HOLDS, says("position frozen")), _FREEZES_S[0], fence_m=_FREEZES_FENCE_M)},

@@ -97,6 +97,20 @@ def test_who_says_that_nobody_flies_it_is_kept_off_in_all_layers_while_its_place
     assert resort.obstructions(frozen_s, (2.0, 2.0), BELOW_M) == []
 
 
+def test_one_that_is_adrift_is_taken_to_be_farther_off_the_longer_it_may_be_blind() -> None:
+    adrift = dataclasses.replace(STATUS, adrift=True)
+    resort, hearing = last_heard(adrift)
+    unsure_m = []
+    for later_s in (0.0, 3.0, 30.0):
+        hearing.receive_status(dataclasses.replace(adrift, time_s=NOW + later_s), None, BELOW_M, NOW + later_s)
+        (stray,) = resort.lying
+        unsure_m.append(stray.unsure_m)
+    assert unsure_m == pytest.approx([GUARD.drift_m + off_m for off_m in (0.1, 0.4, 0.5)])
+    well = dataclasses.replace(adrift, adrift=False, time_s=NOW + 31.0)
+    hearing.receive_status(well, None, BELOW_M, NOW + 31.0)
+    assert resort.lying == []
+
+
 def test_who_lands_is_kept_off_by_those_below_only() -> None:
     status = dataclasses.replace(STATUS, state=FlightState.LAND, velocity=(0.0, 0.0))
     resort, _ = last_heard(status)
