@@ -35,7 +35,8 @@ _STRANGER = 77
 _READY_S, _LANDING_S = 150.0, 60.0
 _LAST_LINES = 60
 _LEFT = re.compile(r"vehicle \d+: TRACK -> ")
-_PROGRESS = re.compile(r"\b(\d+): ([A-Z]+|silent) ")
+_SILENT = "SILENT"
+_PROGRESS = re.compile(r"\b(\d+): ([A-Z]+|not heard) ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +166,8 @@ class _Flight:
             self.problems.append(f"left TRACK: {line.strip()}")
         if " | " in line:
             self.looks += len(self.states)
-            self.missing += sum(state == "silent" for state in self.states.values())
-            if not set(self.states.values()) <= {"TRACK", "silent"}:
+            self.missing += sum(state == _SILENT for state in self.states.values())
+            if not set(self.states.values()) <= {"TRACK", _SILENT}:
                 self.problems.append(f"does not track: {line.strip()}")
 
     @property
