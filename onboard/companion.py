@@ -21,9 +21,10 @@ from onboard.estimation.measurement import Look
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.events import Event, Refusal
 from onboard.flight.failsafes import Condition
-from onboard.flight.machine import AIRBORNE, FlightMachine
+from onboard.flight.machine import FlightMachine
 from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
+from onboard.flight.states import AIRBORNE
 from onboard.flight.trajectory import PlanTrajectory
 from onboard.hearing import Hearing
 from onboard.landing_place import LandingPlace

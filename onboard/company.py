@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from onboard.flight.failsafes import Condition
-from onboard.flight.machine import AIRBORNE
+from onboard.flight.states import AIRBORNE
 from onboard.hearing import Hearing
 
 __all__ = ["GROUND_SILENCE_S", "PEER_SILENCE_S", "WELL_WITHIN", "silences"]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 from onboard.config.polygon import Point, nearest_on_segment
 from onboard.config.schema import Scenario
+from onboard.flight.states import AIRBORNE
 from onboard.hearing import Hearing
 from onboard.messages import FlightState, LostTeammate, PeerStatus
 
@@ -46,7 +47,6 @@ MOST_BLIND_M = 0.5
 UNSURE_M = 0.2
 MOVING_M_S = 0.3
 
-_FLOWN = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK, FlightState.RETURN, FlightState.LAND)
 _STAYS = (FlightState.HOLD, FlightState.LAND)
 
 
@@ -183,7 +183,7 @@ class Strays:
         """Note a peer that has fallen silent although it cannot have left the range."""
         heard_s = self._heard_s(status.sender)
         known = self._lost.get(status.sender)
-        if not SILENT_S < time_s - heard_s <= self._stray_s or status.state not in _FLOWN:
+        if not SILENT_S < time_s - heard_s <= self._stray_s or status.state not in AIRBORNE:
             return
         if known is not None and known.heard_s >= heard_s:
             return

@@ -34,7 +34,7 @@ from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["AIRBORNE", "FlightMachine"]
+__all__ = ["FlightMachine"]
 
 
 _NOTHING: Mapping[Condition, str] = MappingProxyType({})
