@@ -37,7 +37,9 @@ PERIOD_S = 100.0
 WATCH = """
 () => {
   window.ages = [];
+  window.updates = 0;
   for (const model of Bokeh.documents[0].all_models) {
+    if (model.type === "Spinner") model.properties.tags.change.connect(() => { window.updates += 1; });
     if (model.type === "ColumnDataSource" && "fov_from" in model.data) {
       let last = null;
       model.properties.data.change.connect(() => {
@@ -232,9 +234,9 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
         page.locator(f"tr[data-vehicle='{arguments.vehicles}']").wait_for(timeout=60_000)
         page.evaluate(WATCH)
         time.sleep(3.0)
-        page.evaluate("window.ages.length = 0")
+        page.evaluate("window.ages.length = window.updates = 0")
         with_page = share_of_core(station.pid, arguments.seconds)
-        ages = page.evaluate("window.ages")
+        ages, updates = page.evaluate("[window.ages, window.updates]")
         if arguments.screenshot:
             page.screenshot(path=arguments.screenshot)
         browser.close()
@@ -244,7 +246,8 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
             "cpu_without_page": round(without_page, 3),
             "cpu_with_page": round(with_page, 3),
             "memory_mb": round(memory_mb(station.pid)),
-            "updates_per_s": round(len(ages) / arguments.seconds, 2),
+            "updates_per_s": round(updates / arguments.seconds, 2),
+            "new_positions_per_s": round(len(ages) / arguments.seconds, 2),
             "delay_median_s": round(statistics.median(ages), 3),
             "delay_p95_s": round(sorted(ages)[math.ceil(0.95 * len(ages)) - 1], 3),
             "delay_max_s": round(max(ages), 3),

@@ -17,12 +17,16 @@ ROWS = 1200
 """Samples that are kept: ten minutes."""
 
 _PERIOD_S = 0.5
-_TRAIL_POINTS = 40
+_TRAIL_S = 20.0
+_TRAIL_PERIOD_S = 0.2
+_SLACK_S = 0.05
+"""Moments come when they come: one that is early by this much is taken."""
+
 _EVENTS = 2000
 
 
 class FlightHistory:
-    """Samples a team twice a second.
+    """Samples a team's figures twice a second, and places five times a second.
 
     Args:
         vehicle_ids: System ids, in the scenario's order.
@@ -39,14 +43,16 @@ class FlightHistory:
         self._ids = tuple(vehicle_ids)
         self._bounds = bounds
         self._rows: deque[dict[str, float]] = deque(maxlen=ROWS)
-        self._trails: dict[int, deque[tuple[float, float]]] = {i: deque(maxlen=_TRAIL_POINTS) for i in self._ids}
+        self._trails: dict[int, deque[tuple[float, float, float]]] = {i: deque() for i in self._ids}
         self._next_s = -math.inf
+        self._next_place_s = -math.inf
 
     def add(self, team: TeamState) -> bool:
         """Take a sample if one is due; whether it was."""
+        self._add_places(team)
         if team.time_s < self._next_s:
             return False
-        self._next_s = team.time_s + _PERIOD_S - 0.05
+        self._next_s = team.time_s + _PERIOD_S - _SLACK_S
         self.serial += 1
         row = {
             "time": team.time_s,
@@ -59,8 +65,6 @@ class FlightHistory:
         }
         for vehicle in team.vehicles:
             row |= _vehicle_row(vehicle)
-            if self._bounds.plausible(vehicle.north_m, vehicle.east_m):
-                self._trails[vehicle.id].append((_rounded(vehicle.east_m), _rounded(vehicle.north_m)))
         self._rows.append(row)
         return True
 
@@ -70,7 +74,7 @@ class FlightHistory:
         self._rows.clear()
         for trail in self._trails.values():
             trail.clear()
-        self._next_s = -math.inf
+        self._next_s = self._next_place_s = -math.inf
 
     def columns(self, since: int = 0) -> Columns:
         """The samples after a serial number, as far as they are kept."""
@@ -88,8 +92,22 @@ class FlightHistory:
 
     def trails(self) -> Columns:
         """East m and north m of each vehicle's last 20 s."""
-        points = [tuple(zip(*trail, strict=True)) or ((), ()) for trail in self._trails.values()]
-        return {"xs": [list(xs) for xs, _ in points], "ys": [list(ys) for _, ys in points]}
+        trails = self._trails.values()
+        return {
+            "xs": [[east_m for _, east_m, _ in trail] for trail in trails],
+            "ys": [[north_m for _, _, north_m in trail] for trail in trails],
+        }
+
+    def _add_places(self, team: TeamState) -> None:
+        if team.time_s < self._next_place_s:
+            return
+        self._next_place_s = team.time_s + _TRAIL_PERIOD_S - _SLACK_S
+        for vehicle in team.vehicles:
+            trail = self._trails[vehicle.id]
+            while trail and trail[0][0] <= team.time_s - _TRAIL_S:
+                trail.popleft()
+            if self._bounds.plausible(vehicle.north_m, vehicle.east_m):
+                trail.append((team.time_s, _rounded(vehicle.east_m), _rounded(vehicle.north_m)))
 
 
 class EventLog:

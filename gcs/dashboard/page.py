@@ -113,10 +113,10 @@ class Page:
         self._pulse = Pulse()
         self.bar = bar
         style = InlineStyleSheet(css=BUTTONS)
-        self._words = TextInput(placeholder="search events", width=180, stylesheets=[style])
+        self._words = TextInput(placeholder="search events", sizing_mode="stretch_width", stylesheets=[style])
         self._severity = Select(
             value="7", options=[("7", "all events"), ("5", "notices up"), ("4", "warnings up"), ("3", "errors")],
-            width=150, stylesheets=[style],
+            width=130, stylesheets=[style],
         )  # fmt: skip
         for widget, name in ((self._words, "value_input"), (self._severity, "value")):
             widget.on_change(name, lambda attr, old, new: self._show_events())

@@ -12,7 +12,7 @@ b.id { color: #fff; border-radius: 9px; padding: 0 6px; font-weight: 700; }
 TEXT = (
     _COMMON
     + """
-.line { display: flex; gap: 18px; align-items: baseline; white-space: nowrap; overflow: hidden; }
+.line { display: flex; gap: clamp(7px, 1.4vw, 18px); align-items: baseline; white-space: nowrap; overflow: hidden; }
 b { font-size: 15px; }
 .phase { font-weight: 700; color: var(--good); font-size: 15px; }
 .alarm { font-weight: 700; color: var(--alarm); background: var(--alarm-fill); padding: 0 8px; border-radius: 4px; }

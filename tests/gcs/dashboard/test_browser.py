@@ -97,7 +97,7 @@ def page(browser, flight):
     page.set_default_timeout(PATIENCE_MS)
     wrong: list[str] = []
     asked: list[str] = []
-    page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+    page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("requestfailed", lambda request: wrong.append(f"failed: {request.url}"))
     page.on("request", lambda request: asked.append(request.url))
@@ -137,6 +137,27 @@ def test_the_map_shows_all_vehicles_and_targets_and_follows_them(page, flight):
     assert source(page, "label", ["error", "place", "label"]) == ["1", "2", "3", "4", "5"]
     flight.team.places[2] = (2.5, 6.25)
     wait_until(lambda: source(page, "x", ["fov_from"])[1] == 6.25, 1.5)
+
+
+def point(page, row):
+    """Where a vehicle's mark is on the screen, px."""
+    return page.evaluate(
+        """(row) => {
+            const map = Bokeh.documents[0].roots().find((root) => root.name === "map");
+            const view = Bokeh.index.find_one(map), box = view.el.getBoundingClientRect();
+            const source = Array.from(Bokeh.documents[0].all_models).find((m) => m.data && "fov_from" in m.data);
+            const [x, y] = [source.data.x[row], source.data.y[row]];
+            return [box.x + view.frame.x_scale.compute(x), box.y + view.frame.y_scale.compute(y)];
+        }""",
+        row,
+    )
+
+
+def test_hovering_gives_numbers_with_units(page, flight):
+    wait_until(lambda: source(page, "label", ["fov_from"]) == ["1", "2", "3"])
+    page.mouse.move(*point(page, 1))
+    page.get_by_text("2.00 m N, 3.00 m E").first.wait_for()
+    page.get_by_text("m/s, heading").first.wait_for()
 
 
 def test_metres_north_and_east_are_equally_long(page):

@@ -112,7 +112,7 @@ def test_buttons_change_modes_and_a_killed_process_is_landed_past(fly):
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         wrong: list[str] = []
         asked: list[str] = []
-        page.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+        page.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.on("request", lambda request: asked.append(request.url))
         page.on("websocket", lambda socket: asked.append(socket.url))
