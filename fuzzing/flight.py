@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from fuzzing.source import ByteSource
-from onboard.companion import COMPONENT, Companion, LinkName
+from onboard.companion import Companion
 from onboard.config import load_scenario
+from onboard.links import COMPONENT, LinkName
 from onboard.messages import FlightState
 from onboard.planning.plan import Budget
 from onboard.planning.pluggable import PlannerSetup, load_planner

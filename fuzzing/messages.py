@@ -16,7 +16,7 @@ import traceback
 
 from fuzzing.engine import STALL_S, watchdog
 from fuzzing.flight import FuzzedFlight
-from onboard.companion import MAX_RATES_HZ, LinkName
+from onboard.links import MAX_RATES_HZ, LinkName
 from onboard.planning.warmup import warm_kernels
 
 __all__ = ["flood_link", "main"]

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fuzzing.flight import BEGUN_S, BrokenPromiseError, FuzzedFlight
-from onboard.companion import COMPONENT
 from onboard.config import ConfigError, load_scenario
+from onboard.links import COMPONENT
 from onboard.planning.problem_file import ProblemFileError, load_problem
 from onboard.planning.warmup import warm_kernels
 from onboard.protocol.codec import Codec, split_frames

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from gcs.autopilot_checks import AutopilotWatch
 from gcs.checks import Check, is_go
-from onboard.companion import COMPONENT
 from onboard.config import Scenario
 from onboard.config.vehicle import VehicleConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.preflight import Finding, Verdict
+from onboard.links import COMPONENT
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.transport import Link, TransportError, open_link

@@ -19,7 +19,7 @@ from onboard.estimation.distributed_filter import DistributedFilter
 from onboard.estimation.measurement import Look
 from onboard.estimation.target_models import TargetModel, TargetMotion
 from onboard.estimation.track import Track
-from onboard.flight.trajectory import HOVER
+from onboard.flight.trajectory import HOVER, PlanTrajectory
 from onboard.geometry import Pose
 from onboard.mapping.landmarks import Landmarks
 from onboard.mapping.visibility_grid import VisibilityGrid
@@ -233,6 +233,10 @@ class Agent:
     def controls(self, plan: PeerPlan) -> list[Primitive]:
         """A plan's primitives."""
         return [self._primitives[index] if index >= 0 else HOVER for index in plan.controls]
+
+    def trajectory(self, plan: PeerPlan) -> PlanTrajectory:
+        """A plan as it is flown, from the UNIX time of its step on."""
+        return PlanTrajectory(self._clock.time_of(plan.step), plan.start, self.controls(plan), self._clock.step_s)
 
     def _teammates(self, step: int, group: Group) -> tuple[Teammate, ...]:
         """Plans for the same epoch of those who planned before; one that did not arrive counts as absent."""

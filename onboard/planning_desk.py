@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from onboard.agent import Agent
 from onboard.clock import MissionClock
 from onboard.config.schema import Scenario
+from onboard.counts import Counts
 from onboard.epochs import EpochSchedule, Slot
 from onboard.flight.failsafes import Condition
 from onboard.flight.machine import FlightMachine
-from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from onboard.messages import PeerPlan
 from onboard.planning.plan import Plan
 from onboard.planning.problem import Problem
-from onboard.status import Counts
 
 __all__ = ["PlanningDesk", "PlanningJob"]
 
@@ -105,8 +104,8 @@ class PlanningDesk:
         if too_late or not self._machine.wants_plans:
             return None
         own = self._agent.adopt(job.slot.step, job.start, plan, job.budget_s)
-        trajectory = PlanTrajectory(job.slot.epoch_s, job.start, self._agent.controls(own), self._mission.step_s)
-        self._machine.fly(trajectory, job.slot.epoch_s, trajectory.end_s)
+        trajectory = self._agent.trajectory(own)
+        self._machine.fly(trajectory, trajectory.start_s, trajectory.end_s)
         return own
 
     def failed(self, job: PlanningJob, reason: str) -> None:

@@ -15,12 +15,14 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
-from onboard.companion import Companion, LinkName, PlanningJob
+from onboard.companion import Companion
 from onboard.config.faults import Component, clock_offset_s
 from onboard.config.schema import Scenario
+from onboard.links import LinkName
 from onboard.planning.plan import Budget, Plan
 from onboard.planning.pluggable import PlannerSetup, load_planner
 from onboard.planning.warmup import warm_kernels
+from onboard.planning_desk import PlanningJob
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.signing import Signing
 from onboard.protocol.transport import Link, open_link

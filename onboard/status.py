@@ -4,46 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from onboard.agent import Agent
-from onboard.clock import MissionClock, usec
+from onboard.clock import usec
+from onboard.counts import Counts
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.machine import FlightMachine
 from onboard.messages import FlightState
+from onboard.mission import Mission
 from onboard.protocol import dialect as mavlink
 from onboard.whereabouts import Known
 
-__all__ = ["Counts", "planner_status", "status_line"]
+__all__ = ["planner_status", "status_line"]
 
 _MAX_NEIGHBOURS = 32
 _UNKNOWN = 255
 _UINT8, _UINT32 = 0xFF, 0xFFFFFFFF
-
-
-@dataclass(slots=True)
-class Counts:
-    """What an onboard process has done since it began.
-
-    Attributes:
-        setpoints: Setpoints sent.
-        setpoint_gap_max_s: Longest pause between two of one stream, s.
-        plans: Plans made.
-        deadline_misses: Plans that were not published by the end of their slot.
-        peer_bytes_sent: On the peer link.
-        peer_bytes_received: On the peer link.
-        detections: Detections accepted.
-        refused: Valid frames whose content was refused.
-    """
-
-    setpoints: int = 0
-    setpoint_gap_max_s: float = 0.0
-    plans: int = 0
-    deadline_misses: int = 0
-    peer_bytes_sent: int = 0
-    peer_bytes_received: int = 0
-    detections: int = 0
-    refused: int = 0
 
 
 _UNKNOWN_PLACE = Known((math.nan, math.nan, math.nan), math.nan, (math.nan, math.nan))
@@ -51,10 +27,9 @@ _UNKNOWN_PLACE = Known((math.nan, math.nan, math.nan), math.nan, (math.nan, math
 
 def planner_status(
     time_s: float,
-    clock: MissionClock | None,
+    mission: Mission | None,
     machine: FlightMachine,
     place: Known | None,
-    agent: Agent | None,
     counts: Counts,
     rejected: int,
     peer_loss: Mapping[int, float | None],
@@ -63,14 +38,14 @@ def planner_status(
 
     Args:
         time_s: UNIX time, s.
-        clock: Mission time; None before the start.
+        mission: What is flown; None before the first start.
         machine: Flight states.
         place: Where the vehicle is, or was when that was last known.
-        agent: Algorithm 3; None before the start.
         counts: What was done.
         rejected: Pieces of datagrams on all links that were no valid frame.
         peer_loss: Frames lost over frames sent, 0 to 1, by the peer that sent them.
     """
+    agent = None if mission is None else mission.agent
     neighbours = agent.team.neighbours(time_s)[:_MAX_NEIGHBOURS] if agent is not None else ()
     group = agent.group(time_s) if agent is not None else None
     place = place or _UNKNOWN_PLACE
@@ -78,7 +53,7 @@ def planner_status(
     plan_age_s = machine.plan_age_s(time_s)
     return mavlink.MAVLink_planner_status_message(
         time_usec=usec(time_s),
-        mission_start_usec=usec(clock.start_s) if clock is not None else 0,
+        mission_start_usec=usec(mission.clock.start_s) if mission is not None else 0,
         north=place.position[0],
         east=place.position[1],
         down=place.position[2],

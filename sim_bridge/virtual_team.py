@@ -10,10 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from onboard.companion import Companion, LinkName, PlanningJob
+from onboard.companion import Companion
 from onboard.config import Scenario
+from onboard.links import LinkName
 from onboard.planning.plan import Budget, Plan
 from onboard.planning.planner import Planner
+from onboard.planning_desk import PlanningJob
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.commands import Command

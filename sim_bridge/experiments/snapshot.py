@@ -18,7 +18,6 @@ from matplotlib.patches import Ellipse, Patch, Wedge
 from numpy.typing import NDArray
 
 from onboard.estimation.sensor import RangeBearingSensor
-from onboard.flight.trajectory import PlanTrajectory
 from onboard.geometry import Pose
 from sim_bridge.experiments.figures import BLUE, GREEN, ORANGE
 from sim_bridge.experiments.records import TrialTask
@@ -80,12 +79,7 @@ def draw_world(axes: Axes, world: LockstepWorld, task: TrialTask) -> None:
         agent = robot.agent
         _draw_robot(axes, robot.motion.pose, sensor)
         if agent.own_plan is not None:
-            plan = PlanTrajectory(
-                agent.own_plan.step * scenario.mission.step_s,
-                agent.own_plan.start,
-                agent.controls(agent.own_plan),
-                scenario.mission.step_s,
-            )
+            plan = agent.trajectory(agent.own_plan)
             times = np.linspace(plan.start_s, plan.end_s, 61)
             poses = [plan.reference(float(time_s)).pose for time_s in times]
             axes.plot([p.east_m for p in poses], [p.north_m for p in poses], color=GREEN, linewidth=0.9, alpha=0.8)

@@ -12,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from onboard.companion import Companion, LinkName, PlanningJob
+from onboard.companion import Companion
 from onboard.config.faults import Component, FaultType
+from onboard.links import LinkName
 from onboard.planning.plan import Plan
+from onboard.planning_desk import PlanningJob
 from sim_bridge.faults.schedule import Fault, FaultSchedule
 from sim_bridge.faults.stream import FaultyStream, Way
 

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from onboard.companion import COMPONENT
 from onboard.config import Scenario
 from onboard.config.faults import FaultConfig
 from onboard.flight.failsafes import Condition
+from onboard.links import COMPONENT
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import Command

@@ -7,7 +7,7 @@ import pytest
 from fuzzing.datagrams import UdpSocket, family, flood, sockets_of
 from fuzzing.forgeries import Attack, forge
 from fuzzing.messages import flood_link
-from onboard.companion import LinkName
+from onboard.links import LinkName
 from onboard.planning.warmup import warm_kernels
 from onboard.protocol.transport import DatagramLink, open_link
 

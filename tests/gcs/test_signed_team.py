@@ -13,8 +13,9 @@ from gcs.joining import joined_station
 from gcs.operator_desk import Action, OperatorDesk, Order, Outcome
 from gcs.order_command import run_order
 from gcs.station import GroundStation
-from onboard.companion import COMPONENT, Companion, LinkName
+from onboard.companion import Companion
 from onboard.config import load_scenario
+from onboard.links import COMPONENT, LinkName
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
@@ -88,7 +89,7 @@ class Vehicle:
 
     @property
     def refused(self):
-        return self.unit._codecs[LinkName.GROUND].refused
+        return self.unit._links._codecs[LinkName.GROUND].refused
 
 
 async def test_orders_of_every_kind_arrive_signed_and_strangers_stay_outside(scenario):

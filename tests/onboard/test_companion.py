@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from onboard.companion import COMPONENT, Companion, LinkName
+from onboard.companion import Companion
 from onboard.config import load_scenario
+from onboard.links import COMPONENT, LinkName
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
@@ -148,47 +149,6 @@ def test_parameters_that_do_not_allow_the_plan_refuse_the_start_until_they_are_m
     assert results(unit) == [mavlink.MAV_RESULT_ACCEPTED]
 
 
-def test_another_start_in_flight_is_denied() -> None:
-    unit = companion()
-    make_ready(unit)
-    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
-    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 20)), NOW)
-    assert results(unit) == [mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED]
-
-
-@pytest.mark.parametrize("seconds", [-5.0, 1e6, -NOW])
-def test_a_start_in_the_past_or_far_ahead_is_denied(seconds: float) -> None:
-    unit = companion()
-    make_ready(unit)
-    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + seconds)), NOW)
-    assert results(unit) == [mavlink.MAV_RESULT_DENIED]
-    assert unit.machine.state is FlightState.STANDBY
-
-
-@pytest.mark.parametrize(
-    "frame",
-    [
-        Codec(254, 190).encode(start(NOW + 10)),
-        GROUND.encode(start(NOW + 10, target=2)),
-        GROUND.encode(start(NOW + 10, component=1)),
-    ],
-    ids=["from another system", "to another vehicle", "to another component"],
-)
-def test_commands_of_others_or_to_others_are_met_with_silence(frame: bytes) -> None:
-    unit = companion()
-    make_ready(unit)
-    unit.receive(LinkName.GROUND, frame, NOW)
-    assert results(unit) == []
-    assert unit.machine.state is FlightState.STANDBY
-
-
-def test_an_unknown_command_is_unsupported() -> None:
-    unit = companion()
-    message = mavlink.MAVLink_command_long_message(1, COMPONENT, mavlink.MAV_CMD_DO_CHANGE_SPEED, 0, *[0.0] * 7)
-    unit.receive(LinkName.GROUND, GROUND.encode(message), NOW)
-    assert results(unit) == [mavlink.MAV_RESULT_UNSUPPORTED]
-
-
 def status_of(unit: Companion, time_s: float) -> mavlink.MAVLink_planner_status_message:
     unit.outbox()
     unit.tick(time_s)
@@ -288,36 +248,6 @@ def test_with_a_key_peers_and_ground_get_signed_frames_and_the_autopilot_plain_o
         unit.tick(NOW + 0.02 * tick)
     signed = {(link, bool(frame[2] & mavlink.MAVLINK_IFLAG_SIGNED)) for link, frame in unit.outbox()}
     assert signed == {(LinkName.PEERS, True), (LinkName.GROUND, True), (LinkName.AUTOPILOT, False)}
-
-
-def peer_status(status: mavlink.MAVLink_planner_status_message, time_s: float) -> bytes:
-    """What teammate 2 says of itself, in flight, with its clock at a time."""
-    status.time_usec, status.state = round(time_s * 1e6), FlightState.TRACK
-    status.north, status.east, status.down, status.yaw = 1.0, 4.0, -1.7, 0.0
-    return Codec(2, COMPONENT).encode(status)
-
-
-def test_a_teammate_that_speaks_of_another_minute_is_refused() -> None:
-    unit = companion()
-    make_ready(unit)
-    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
-    assert unit.agent is not None
-    said = status_of(unit, NOW + 0.5)
-    for age_s in (-3600.0, -61.0, 61.0, 1e6):
-        unit.receive(LinkName.PEERS, peer_status(said, NOW - age_s), NOW)
-    assert unit.agent.team.neighbours(NOW) == ()
-    unit.receive(LinkName.PEERS, peer_status(said, NOW - 5.0), NOW)
-    assert unit.agent.team.neighbours(NOW) == (2,)
-
-
-def test_a_teammate_that_floods_is_heard_no_more_often_than_it_may() -> None:
-    unit = companion()
-    make_ready(unit)
-    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
-    frame = Codec(2, COMPONENT).encode(mavlink.MAVLink_explored_tile_message(0, 0, 250, [1] * 128))
-    for _ in range(50):
-        unit.receive(LinkName.PEERS, 50 * frame, NOW)
-    assert status_of(unit, NOW + 0.5).rejected == 2500 - 2000
 
 
 def test_a_key_that_comes_over_the_air_is_not_taken() -> None:

@@ -9,11 +9,11 @@ import pytest
 from onboard.agent import Agent
 from onboard.clock import MissionClock
 from onboard.config import load_scenario
+from onboard.counts import Counts
 from onboard.flight.failsafes import Condition
 from onboard.messages import FlightState
 from onboard.planning.plan import Plan
 from onboard.planning_desk import MIN_BUDGET_SHARE, PlanningDesk, PlanningJob
-from onboard.status import Counts
 from tests.onboard.flight.test_machine import TICK_S, Flight
 
 LAB = load_scenario(Path("configs/lab.yaml"))

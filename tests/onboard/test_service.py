@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from onboard.companion import LinkName
 from onboard.config import load_scenario
 from onboard.config.models import PlannerConfig
 from onboard.config.schema import Scenario
 from onboard.config.vehicle import LinksConfig
+from onboard.links import LinkName
 from onboard.process import _Process
 from onboard.service import NotifySocket, ServiceReport
 

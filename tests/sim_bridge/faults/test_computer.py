@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from onboard.companion import LinkName
 from onboard.config.faults import Component, FaultConfig, FaultType
+from onboard.links import LinkName
 from sim_bridge.faults import FaultSchedule
 from sim_bridge.faults.computer import SOCKET_BUFFER_BYTES, OnboardComputer
 
