@@ -23,6 +23,7 @@ from onboard.planning.plan import Budget
 from onboard.planning.pluggable import PlannerSetup, load_planner
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
+from onboard.protocol.start_order import encode_start
 from onboard.protocol.team_messages import primitives_checksum
 
 __all__ = ["BrokenPromiseError", "FuzzedFlight"]
@@ -120,7 +121,8 @@ class FuzzedFlight:
         self._peer = Codec(2, COMPONENT)
         while self.unit.machine.state is not FlightState.STANDBY and self._time_s < START_S:
             self._tick()
-        self.unit.receive(LinkName.GROUND, Codec(LAB.ground.system_id, 190).encode(_start()), self._time_s)
+        order = encode_start(1, COMPONENT, START_S)
+        self.unit.receive(LinkName.GROUND, Codec(LAB.ground.system_id, 190).encode(order), self._time_s)
         while self._time_s < START_S:
             self._tick()
         if self.unit.machine.state not in (FlightState.HOLD, FlightState.TRACK):
@@ -230,7 +232,11 @@ class FuzzedFlight:
         genuine: tuple[mavlink.MAVLink_message, ...] = {
             LinkName.PEERS: (self._belief(), self._plan(), self._status(), _tile()),
             LinkName.SENSOR: (self._detection(),),
-            LinkName.GROUND: (_start(), _long(mavlink.MAV_CMD_DO_PAUSE_CONTINUE), _long(mavlink.MAV_CMD_NAV_LAND)),
+            LinkName.GROUND: (
+                encode_start(1, COMPONENT, START_S),
+                _long(mavlink.MAV_CMD_DO_PAUSE_CONTINUE),
+                _long(mavlink.MAV_CMD_NAV_LAND),
+            ),
             LinkName.AUTOPILOT: _AUTOPILOT_SAYS,
         }[link]
         if source.below(8) == 0:
@@ -249,12 +255,6 @@ class FuzzedFlight:
         header = bytes([len(payload), 0, 0, 0, system, component]) + kind.id.to_bytes(3, "little")
         checksum = mavlink.x25crc(header + bytes(payload) + bytes([kind.crc_extra]))
         return b"\xfd" + header + bytes(payload) + struct.pack("<H", checksum.crc)
-
-
-def _start() -> mavlink.MAVLink_command_int_message:
-    return mavlink.MAVLink_command_int_message(
-        1, COMPONENT, 0, mavlink.MAV_CMD_ARVI_START, 0, 0, 0, 0, 0, 0, round(START_S), 0, 0
-    )
 
 
 def _long(command: int) -> mavlink.MAVLink_command_long_message:

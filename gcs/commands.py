@@ -9,6 +9,7 @@ from onboard.protocol import dialect as mavlink
 from onboard.protocol.ardupilot_modes import CopterMode
 from onboard.protocol.commands import Command, CommandOutcome, result_name
 from onboard.protocol.px4_modes import Px4Mode
+from onboard.protocol.start_order import encode_start
 
 __all__ = [
     "AUTOPILOT",
@@ -35,26 +36,8 @@ _COMPONENT_NAMES = {AUTOPILOT: "autopilot", ONBOARD: "onboard process"}
 
 
 def start_command(vehicle_id: int, start_s: float) -> Command:
-    """MAV_CMD_ARVI_START: take off and fly the mission whose step 0 is at this UNIX time.
-
-    It is a COMMAND_INT, for no float carries a UNIX time.
-    """
-    seconds, micros = divmod(round(start_s * 1e6), 1_000_000)
-    return mavlink.MAVLink_command_int_message(
-        target_system=vehicle_id,
-        target_component=ONBOARD,
-        frame=mavlink.MAV_FRAME_GLOBAL,
-        command=mavlink.MAV_CMD_ARVI_START,
-        current=0,
-        autocontinue=0,
-        param1=0.0,
-        param2=0.0,
-        param3=0.0,
-        param4=0.0,
-        x=seconds,
-        y=micros,
-        z=0.0,
-    )
+    """MAV_CMD_ARVI_START to the onboard process: take off and fly the mission whose step 0 is at this UNIX time."""
+    return encode_start(vehicle_id, ONBOARD, start_s)
 
 
 def land_command(vehicle_id: int, component: int) -> Command:

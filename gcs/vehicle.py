@@ -8,6 +8,7 @@ from collections import deque
 from gcs.attention import Listening
 from gcs.tracking import TrackingMonitor
 from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleState
+from onboard.clock import unix_s
 from onboard.geometry import Pose
 from onboard.messages import FlightState, PeerPlan
 from onboard.protocol import dialect as mavlink
@@ -206,7 +207,7 @@ class VehicleMonitor:
             height_m=self._height_m(now_s),
             autopilot_age_s=autopilot_age_s,
             onboard_age_s=onboard_age_s,
-            mission_start_s=status.mission_start_usec * 1e-6 if status and status.mission_start_usec else None,
+            mission_start_s=unix_s(status.mission_start_usec) if status and status.mission_start_usec else None,
             plan_age_s=_finite(status.plan_age) if status is not None else None,
             planning_time_s=plan.planning_time_s if plan is not None else None,
             planning_budget_s=plan.budget_s if plan is not None else None,

@@ -8,12 +8,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["MissionClock", "usec"]
+__all__ = ["MissionClock", "unix_s", "usec"]
 
 
 def usec(time_s: float) -> int:
     """A UNIX time as MAVLink's microseconds."""
     return round(time_s * 1e6)
+
+
+def unix_s(time_usec: int) -> float:
+    """A UNIX time from MAVLink's microseconds, s: the nearest float, so that all who read one time hold the same."""
+    return time_usec / 1e6
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from onboard.messages import FlightState, PeerStatus
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import BROADCAST
 from onboard.protocol.commands import Command
+from onboard.protocol.start_order import read_start
 
 __all__ = ["Answer", "Orders"]
 
@@ -90,7 +91,7 @@ class Orders:
         machine = self._machine
         match order.command:
             case mavlink.MAV_CMD_ARVI_START if isinstance(order, mavlink.MAVLink_command_int_message):
-                return self._start(order.x + order.y * 1e-6, mission_s, time_s)
+                return self._start(read_start(order), mission_s, time_s)
             case mavlink.MAV_CMD_NAV_LAND:
                 return machine.land(time_s), None
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE:

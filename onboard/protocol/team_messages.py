@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from onboard.clock import MissionClock, usec
+from onboard.clock import MissionClock, unix_s, usec
 from onboard.errors import OnboardError
 from onboard.estimation.target_models import TargetModel
 from onboard.geometry import Pose
@@ -235,7 +235,7 @@ def read_status(message: mavlink.MAVLink_planner_status_message) -> PeerStatus:
         raise MessageError(f"PLANNER_STATUS of vehicle {message.get_srcSystem()} has a pose that is not finite")
     return PeerStatus(
         sender=message.get_srcSystem(),
-        mission_start_s=message.mission_start_usec * 1e-6 if message.mission_start_usec else None,
+        mission_start_s=unix_s(message.mission_start_usec) if message.mission_start_usec else None,
         state=state,
         position=position,
         yaw_rad=message.yaw,

@@ -12,8 +12,9 @@ from collections.abc import Callable, Mapping
 
 from onboard.config.schema import Scenario
 from onboard.estimation.track import Track
+from onboard.links import COMPONENT
 from onboard.messages import FlightState, PeerPlan
-from onboard.protocol import dialect as mavlink
+from onboard.protocol.start_order import encode_start
 from sim_bridge.errors import BridgeError
 from sim_bridge.experiments.records import PeakMemory, StepColumns, TrialResult, TrialTask
 from sim_bridge.lockstep.figures_of_merit import figures_of_merit
@@ -22,7 +23,6 @@ from sim_bridge.virtual_team import VirtualTeam
 __all__ = ["run_flight_trial"]
 
 _STANDBY_LIMIT_S = 60.0
-_ONBOARD_COMPONENT = 191
 _SETTLE_S = 0.1
 """After a step's measuring delay, for its update to have been made."""
 
@@ -86,11 +86,7 @@ def _take_off(team: VirtualTeam, scenario: Scenario) -> float:
         raise BridgeError(f"the team is not ready after {_STANDBY_LIMIT_S:g} s of virtual time") from None
     start_s = math.ceil(team.time_s + scenario.mission.takeoff_time_s)
     for vehicle_id in team.companions:
-        team.command(
-            mavlink.MAVLink_command_int_message(
-                vehicle_id, _ONBOARD_COMPONENT, 0, mavlink.MAV_CMD_ARVI_START, 0, 0, 0, 0, 0, 0, start_s, 0, 0
-            )
-        )
+        team.command(encode_start(vehicle_id, COMPONENT, start_s))
     team.run(start_s - 1.0 - team.time_s)
     if not _all(team, FlightState.HOLD):
         raise BridgeError("mission.takeoff_time_s is too short: not everybody hovers a second before step 0")

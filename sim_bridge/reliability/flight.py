@@ -13,6 +13,7 @@ from onboard.links import COMPONENT
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import Command
+from onboard.protocol.start_order import encode_start
 from onboard.protocol.status_text import StatusTextAssembler
 from sim_bridge.autopilot.links import GCS, ONBOARD, LinkName
 from sim_bridge.reliability.phases import HELD, Phase
@@ -314,11 +315,7 @@ class Flight:
         self.team.command(_long(vehicle_id, COMPONENT, command, *parameters))
 
     def _order_start(self, vehicle_id: int) -> None:
-        self.team.command(
-            mavlink.MAVLink_command_int_message(
-                vehicle_id, COMPONENT, 0, mavlink.MAV_CMD_ARVI_START, 0, 0, 0, 0, 0, 0, int(self.start_s), 0, 0
-            )
-        )
+        self.team.command(encode_start(vehicle_id, COMPONENT, self.start_s))
 
     def _hear(self, heard: GroundMessage) -> None:
         message, system = heard.message, heard.message.get_srcSystem()

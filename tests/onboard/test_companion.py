@@ -156,6 +156,21 @@ def status_of(unit: Companion, time_s: float) -> mavlink.MAVLink_planner_status_
     return status
 
 
+def test_teammates_that_got_the_same_start_plan_together_whatever_its_fraction_of_a_second() -> None:
+    """Step 0 comes to a robot in the ground's order and in its teammates' statuses, and must be the same number."""
+    for micros in (0, 200_000, 400_000, 700_001):
+        unit = companion()
+        make_ready(unit)
+        order = start(NOW + 10)
+        order.y = micros
+        unit.receive(LinkName.GROUND, GROUND.encode(order), NOW)
+        said = status_of(unit, NOW + 0.5)
+        said.state, said.neighbours = FlightState.TRACK, [0] * 32
+        unit.receive(LinkName.PEERS, Codec(2, COMPONENT).encode(said), NOW + 0.5)
+        assert unit.agent is not None
+        assert unit.agent.group(NOW + 0.5).members == (1, 2), micros
+
+
 def test_detections_need_a_pose_at_their_time_and_count_once() -> None:
     unit = companion()
     make_ready(unit)
