@@ -1,22 +1,20 @@
 """One onboard computer in flight, with a well-behaved autopilot and team, into whose links a fuzzer writes.
 
-Genuine frames keep the flight going, so that the fuzzer's reach an agent which has tracks, plans and a map; its own are
-copies of genuine ones with some of their bytes replaced, and always have a valid checksum.
+Genuine frames keep the flight going, so that the fuzzer's (``hostile.py``) reach an agent which has tracks, plans and a
+map.
 """
 
 from __future__ import annotations
 
 import math
 import random
-import struct
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from fuzzing.genuine import BEGUN_S, HEALTHY, LAB, OFFBOARD, START_S, belief, plan, status, tile
+from fuzzing.hostile import hostile_frame
 from fuzzing.source import ByteSource
 from onboard.companion import Companion
-from onboard.config import load_scenario
 from onboard.links import COMPONENT, LinkName
 from onboard.messages import FlightState
 from onboard.planning.plan import Budget
@@ -24,13 +22,9 @@ from onboard.planning.pluggable import PlannerSetup, load_planner
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.start_order import encode_start
-from onboard.protocol.team_messages import primitives_checksum
 
 __all__ = ["BrokenPromiseError", "FuzzedFlight"]
 
-LAB = load_scenario(Path(__file__).parent.parent / "configs" / "lab.yaml")
-BEGUN_S = 1_800_000_000.0
-START_S = BEGUN_S + 10.0
 TICK_S = 0.02
 MAX_HOSTILE = 6
 """Fuzzed frames of one input at most."""
@@ -39,21 +33,11 @@ _CHOICE_BYTES = 64
 
 MAX_INPUTS = 500
 MAX_INPUTS_ELSEWHERE = 30
-OFFBOARD = 6 << 16
 
 _PARAMETERS = {"COM_OF_LOSS_T": 1.0, "EKF2_EV_CTRL": 11.0, "EKF2_GPS_CTRL": 0.0, "EKF2_HGT_REF": 3.0}
 """Others are a thousand, which is enough of anything."""
 
-_HEALTHY = mavlink.MAVLink_sys_status_message(
-    0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, 0, 0, 0, battery_remaining=100,
-    drop_rate_comm=0, errors_comm=0, errors_count1=0, errors_count2=0, errors_count3=0, errors_count4=0,
-)  # fmt: skip
-
-_CHECKSUM = primitives_checksum(LAB.primitive_set)
-_ALL_MESSAGES = sorted(mavlink.mavlink_map)
 _SENDERS = ((1, 1), (2, COMPONENT), (3, COMPONENT), (LAB.ground.system_id, 190), (250, 1), (1, COMPONENT), (77, 77))
-_FLOATS = (math.nan, math.inf, -math.inf, 0.0, -1.0, 3e38, 1e-38, 4.0)
-_NUMBERS = (*(struct.pack("<f", value) for value in _FLOATS), b"\xff\xff\xff\xff", b"\0\0\0\x80")
 
 
 class BrokenPromiseError(AssertionError):
@@ -99,7 +83,7 @@ class _KinematicAutopilot:
         mode = 1 | (mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self._armed else 0)
         messages = (
             mavlink.MAVLink_heartbeat_message(2, 12, mode, self._mode, 4 if self._armed else 3, 3),
-            _HEALTHY,
+            HEALTHY,
             mavlink.MAVLink_local_position_ned_message(boot_ms, self.north_m, self.east_m, self.down_m, 0.0, 0.0, 0.0),
             mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, self.yaw_rad, 0.0, 0.0, 0.0),
         )
@@ -177,7 +161,7 @@ class FuzzedFlight:
         for frame in self._autopilot.frames(round(1e3 * (self._time_s - BEGUN_S))):
             self.unit.receive(LinkName.AUTOPILOT, frame, self._time_s)
         if round(self._time_s / TICK_S) % 25 == 0:
-            for genuine in (self._status(), self._belief(), self._plan()):
+            for genuine in (status(self._time_s), belief(self._time_s), plan(self._time_s)):
                 self.unit.receive(LinkName.PEERS, self._peer.encode(genuine), self._time_s)
             self.unit.receive(LinkName.SENSOR, Codec(250, 1).encode(self._detection()), self._time_s)
         self.unit.tick(self._time_s)
@@ -198,39 +182,12 @@ class FuzzedFlight:
             if not (np.linalg.eigvalsh(matrix) > 0.0).all():
                 raise BrokenPromiseError(f"target {track.target_id}: not positive definite: {matrix}")
 
-    # Genuine messages, of which the hostile ones are damaged copies.
-
-    def _usec(self) -> int:
-        step = round((self._time_s - START_S) / LAB.mission.step_s)
-        return round(1e6 * (START_S + step * LAB.mission.step_s))
-
-    def _belief(self) -> mavlink.MAVLink_target_belief_message:
-        vector, matrix = [8.0, 16.0, 0.0, 0.0], [4.0, 0.0, 4.0, *[0.0] * 7]
-        return mavlink.MAVLink_target_belief_message(self._usec(), vector, matrix, 2, 1, 1)
-
-    def _plan(self) -> mavlink.MAVLink_arvi_plan_message:
-        controls = [0] * 64
-        return mavlink.MAVLink_arvi_plan_message(
-            self._usec(), 2.0, 4.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.2, 100, 10, _CHECKSUM, controls, 12, 3
-        )
-
-    def _status(self) -> mavlink.MAVLink_planner_status_message:
-        kind = mavlink.MAVLink_planner_status_message
-        fields: dict[str, Any] = {
-            name: [0] * length if length else 0
-            for name, length in zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
-        }
-        fields |= {"time_usec": self._usec(), "mission_start_usec": round(1e6 * START_S), "north": 2.0, "east": 6.0}
-        fields |= {"down": -1.7, "state": 5, "group_size": 2, "neighbours": [1] + [0] * 31}
-        return kind(**fields)
-
     def _detection(self) -> mavlink.MAVLink_target_detection_message:
         return mavlink.MAVLink_target_detection_message(round(1e6 * self._time_s), 0.5, 0.3, 1)
 
     def _hostile(self, source: ByteSource, link: LinkName) -> bytes:
-        """A frame with a valid checksum; who sends it and what it says come from the fuzzer."""
         genuine: tuple[mavlink.MAVLink_message, ...] = {
-            LinkName.PEERS: (self._belief(), self._plan(), self._status(), _tile()),
+            LinkName.PEERS: (belief(self._time_s), plan(self._time_s), status(self._time_s), tile()),
             LinkName.SENSOR: (self._detection(),),
             LinkName.GROUND: (
                 encode_start(1, COMPONENT, START_S),
@@ -239,37 +196,18 @@ class FuzzedFlight:
             ),
             LinkName.AUTOPILOT: _AUTOPILOT_SAYS,
         }[link]
-        if source.below(8) == 0:
-            kind = mavlink.mavlink_map[source.pick(_ALL_MESSAGES)]
-            payload = bytearray(source.take(kind.unpacker.size))
-        else:
-            message = source.pick(genuine)
-            kind = type(message)
-            message.pack(mavlink.MAVLink(None))
-            payload = bytearray((message.get_payload() or b"").ljust(kind.unpacker.size, b"\0"))
-        for _ in range(source.below(4)):
-            at = source.below(max(len(payload), 1)) & ~3
-            word = source.pick((*_NUMBERS, source.take(4)))
-            payload[at : at + 4] = word[: len(payload) - at]
-        system, component = source.pick(_SENDERS)
-        header = bytes([len(payload), 0, 0, 0, system, component]) + kind.id.to_bytes(3, "little")
-        checksum = mavlink.x25crc(header + bytes(payload) + bytes([kind.crc_extra]))
-        return b"\xfd" + header + bytes(payload) + struct.pack("<H", checksum.crc)
+        return hostile_frame(source, genuine, _SENDERS)
 
 
 def _long(command: int) -> mavlink.MAVLink_command_long_message:
     return mavlink.MAVLink_command_long_message(1, COMPONENT, command, 0, *[0.0] * 7)
 
 
-def _tile() -> mavlink.MAVLink_explored_tile_message:
-    return mavlink.MAVLink_explored_tile_message(0, 0, round(1000 * LAB.exploration.cell_m), [255] * 128, 123)
-
-
 _AUTOPILOT_SAYS: tuple[mavlink.MAVLink_message, ...] = (
     mavlink.MAVLink_heartbeat_message(2, 12, 145, OFFBOARD, 4, 3),
     mavlink.MAVLink_local_position_ned_message(1000, 1.0, 2.8, -1.0, 0.0, 0.0, 0.0),
     mavlink.MAVLink_attitude_message(1000, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
-    _HEALTHY,
+    HEALTHY,
     mavlink.MAVLink_extended_sys_state_message(0, 2),
     mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, 0),
     mavlink.MAVLink_statustext_message(4, b"text", 1, 0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
-from fuzzing.flight import BEGUN_S
+from fuzzing.genuine import BEGUN_S
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from onboard.protocol.signing import SignedLink, Signing, SigningKey

@@ -9,7 +9,9 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from fuzzing.flight import BEGUN_S, BrokenPromiseError, FuzzedFlight
+from fuzzing.flight import BrokenPromiseError, FuzzedFlight
+from fuzzing.genuine import BEGUN_S
+from fuzzing.ground import FuzzedStation
 from onboard.config import ConfigError, load_scenario
 from onboard.links import COMPONENT
 from onboard.planning.problem_file import ProblemFileError, load_problem
@@ -95,8 +97,25 @@ def onboard() -> Target:
     return run
 
 
+def ground() -> Target:
+    """A whole ground station with its terminal, with hostile frames and orders of all kinds, for ever new flights.
+
+    Whatever arrives, only printable characters reach the terminal, the summary is JSON, and memory stays bounded.
+    """
+    station = FuzzedStation()
+
+    def run(data: bytes) -> None:
+        nonlocal station
+        if station.is_over:
+            station = FuzzedStation()
+        station.feed(data)
+
+    return run
+
+
 TARGETS: dict[str, Callable[[], Target]] = {
     "codec": codec,
+    "ground": ground,
     "onboard": onboard,
     "problem": problem,
     "scenario": scenario,

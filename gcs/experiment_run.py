@@ -123,7 +123,7 @@ def _run(
     done = store.completed()
     todo = [task for task in tasks if task.key not in done]
     if len(todo) < len(tasks):
-        console.print(f"{len(tasks) - len(todo)} of {len(tasks)} trials are complete already", highlight=False)
+        console.print(f"{len(tasks) - len(todo)} of {len(tasks)} trials are complete already")
     failures: dict[TrialKey, Failure] = {}
     interrupted = False
     if todo:
@@ -220,7 +220,7 @@ def _conclude(console: Console, experiment: Experiment, store: ResultFolder) -> 
     save(figures.draw_means(summary), pictures_of_run / "means")
     save(figures.draw_costs(experiment.axis, summary), pictures_of_run / "costs")
     console.print(Markdown(page))
-    console.print(f"results: {store.path}", highlight=False, soft_wrap=True)
+    console.print(f"results: {store.path}", soft_wrap=True)
 
 
 def _is_sweep(experiment: Experiment) -> bool:
@@ -242,4 +242,4 @@ def _draw(console: Console, task: TrialTask, label: str, folder: Path, options: 
     if options.animate:
         files.append(pictures.animate(task, target / f"film-{name}", math.ceil(task.steps / _FRAMES)))
     for path in files:
-        console.print(str(path), highlight=False, soft_wrap=True)
+        console.print(str(path), soft_wrap=True)

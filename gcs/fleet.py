@@ -25,8 +25,14 @@ from gcs.output import printable
 
 __all__ = ["FleetAction", "FleetClient", "FleetOutcome", "FleetProcess", "Verdict"]
 
-_PATIENCE_S = 4.0
-"""MAVSDK itself repeats a command for 1.5 s; a worker that says nothing for so long hangs."""
+_PATIENCE_S = 2.5
+"""MAVSDK itself repeats a command for 1.5 s; a worker that has not answered an order after so long hangs."""
+
+_QUIET_S = 1.5
+"""The worker says something every half second; after so long a silence no order is entrusted to it."""
+
+_HANGS_S = 4.0
+"""Silence after which a worker hangs."""
 
 _RESTART_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 _LAST_LINES = 3
@@ -88,25 +94,34 @@ class _Order:
 
 
 class FleetClient:
-    """Orders under way, by number.
-
-    Attributes:
-        vehicles: System ids that MAVSDK is connected to.
-    """
+    """Orders under way, by number. Times are in s of the clock that the worker has, too."""
 
     def __init__(self) -> None:
-        self.vehicles: tuple[int, ...] = ()
+        self._vehicles: tuple[int, ...] = ()
         self._orders: dict[int, _Order] = {}
         self._next = 1
+        self._said_s: float | None = None
+        self._failed = False
+
+    def reaches(self, vehicle: int, now_s: float) -> bool:
+        """Whether MAVSDK is connected to a vehicle, and the worker is awake."""
+        return vehicle in self._vehicles and self._said_s is not None and now_s - self._said_s < _QUIET_S
+
+    def hangs(self, now_s: float) -> bool:
+        """Whether the worker is alive no more: an order went unanswered, or it has been silent for long."""
+        return self._failed or (self._said_s is not None and now_s - self._said_s >= _HANGS_S)
 
     def request(self, action: FleetAction, vehicle: int, now_s: float) -> bytes:
-        """The line that orders an action; one outcome will follow."""
+        """The line that orders an action; one outcome will follow, and a worker that reads it too late ignores it."""
         number, self._next = self._next, self._next + 1
-        self._orders[number] = _Order(vehicle, action, now_s + _PATIENCE_S)
-        return json.dumps({"id": number, "vehicle": vehicle, "action": action.value}).encode() + b"\n"
+        until_s = now_s + _PATIENCE_S
+        self._orders[number] = _Order(vehicle, action, until_s)
+        order = {"id": number, "vehicle": vehicle, "action": action.value, "until_s": until_s}
+        return json.dumps(order).encode() + b"\n"
 
-    def receive(self, line: bytes) -> FleetOutcome | None:
+    def receive(self, line: bytes, now_s: float) -> FleetOutcome | None:
         """Take a line of the worker; the outcome if it ends an order. What is no such line is ignored."""
+        self._said_s = now_s
         try:
             said = json.loads(line)
         except ValueError:
@@ -114,7 +129,7 @@ class FleetClient:
         if not isinstance(said, dict):
             return None
         if isinstance(vehicles := said.get("vehicles"), list):
-            self.vehicles = tuple(vehicles)
+            self._vehicles = tuple(vehicles)
             return None
         number = said.get("id")
         order = self._orders.pop(number, None) if isinstance(number, int) else None
@@ -127,11 +142,14 @@ class FleetClient:
 
     def overdue(self, now_s: float) -> list[FleetOutcome]:
         """Orders that a worker which hangs has not answered."""
-        return self._end([n for n, order in self._orders.items() if now_s >= order.until_s], "MAVSDK does not answer")
+        overdue = [number for number, order in self._orders.items() if now_s >= order.until_s]
+        self._failed = self._failed or bool(overdue)
+        return self._end(overdue, "MAVSDK does not answer")
 
     def worker_ended(self) -> list[FleetOutcome]:
         """The worker is gone, and with it all orders under way."""
-        self.vehicles = ()
+        self._vehicles = ()
+        self._said_s, self._failed = None, False
         return self._end(list(self._orders), "MAVSDK ended")
 
     def _end(self, numbers: list[int], reason: str) -> list[FleetOutcome]:
@@ -147,7 +165,7 @@ class FleetProcess:
         identity: System and component id that MAVSDK takes.
         tell: Called with a sentence when the worker comes or goes.
         program: Another program in the worker's place, for tests.
-        clock: Seconds, any origin.
+        clock: The system's monotonic time, s, which the worker reads, too.
 
     Attributes:
         outcomes: Ended orders, to be taken away by the reader.
@@ -172,6 +190,7 @@ class FleetProcess:
         self._process: asyncio.subprocess.Process | None = None
         self._task: asyncio.Task[None] | None = None
         self._folder: str | None = None
+        self._hung = False
 
     def start(self) -> None:
         """Start the worker, in the running event loop."""
@@ -197,7 +216,7 @@ class FleetProcess:
 
     def reaches(self, vehicle: int) -> bool:
         """Whether MAVSDK is connected to a vehicle."""
-        return self._process is not None and vehicle in self._client.vehicles
+        return self._process is not None and self._client.reaches(vehicle, self._clock())
 
     def order(self, action: FleetAction, vehicle: int) -> bool:
         """Order an action; False, and no outcome, if MAVSDK cannot pass it on now."""
@@ -208,8 +227,13 @@ class FleetProcess:
         return True
 
     def poll(self) -> list[FleetOutcome]:
-        """The outcomes since the last call."""
-        self.outcomes.extend(self._client.overdue(self._clock()))
+        """The outcomes since the last call; a worker that hangs is ended, lest it obey when nobody expects it."""
+        now_s = self._clock()
+        self.outcomes.extend(self._client.overdue(now_s))
+        if self._process is not None and self._client.hangs(now_s):
+            self._hung = True
+            with contextlib.suppress(ProcessLookupError):
+                self._process.kill()
         ended = list(self.outcomes)
         self.outcomes.clear()
         return ended
@@ -244,7 +268,7 @@ class FleetProcess:
         log = asyncio.create_task(_read_log(process.stderr, last_words))
         try:
             while line := await process.stdout.readline():
-                outcome = self._client.receive(line)
+                outcome = self._client.receive(line, self._clock())
                 if outcome is not None:
                     self.outcomes.append(outcome)
             code = await process.wait()
@@ -256,6 +280,9 @@ class FleetProcess:
                 await process.wait()
             log.cancel()
             self._process = None
+            hung, self._hung = self._hung, False
+        if hung:
+            return "it did not answer"
         if code < 0:
             return f"killed by signal {-code}"
         return f"exit code {code}{': ' if last_words else ''}{last_words[-1] if last_words else ''}"

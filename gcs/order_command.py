@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from rich.table import Table
+from rich.text import Text
 
 from gcs.exit_codes import EXIT_BAD_INPUT, EXIT_FAILED
 from gcs.joining import joined_station, open_or_join
@@ -57,7 +58,7 @@ def run_order(scenario: Scenario, action: Action, vehicles: Sequence[int], via: 
     for record in records:
         reason = refusal_reason(record, reversed(events)) or record.result
         words = record.outcome.value if record.outcome is Outcome.ACKNOWLEDGED else f"{record.outcome.value}: {reason}"
-        table.add_row(f"vehicle {record.vehicle}", f"{record.action.value.lower()} ({record.to})", words)
+        table.add_row(f"vehicle {record.vehicle}", f"{record.action.value.lower()} ({record.to})", Text(words))
     open_console().print(table)
     return 0 if records and all(record.outcome is Outcome.ACKNOWLEDGED for record in records) else EXIT_FAILED
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from functools import partial
 from typing import IO, cast
 
 from rich.console import Console
@@ -61,10 +62,14 @@ class SteadyOutput(io.TextIOBase):
 
 
 def open_console() -> Console:
-    """Standard output; wide enough for our tables where it is no terminal, and has no width."""
+    """Standard output; wide enough for our tables where it is no terminal, and has no width.
+
+    Text is printed as it is: what vehicles, files and paths are called may look like rich's markup.
+    """
     output = cast(IO[str], SteadyOutput(sys.stdout) if isinstance(sys.stdout, io.TextIOWrapper) else sys.stdout)
-    console = Console(file=output)
-    return console if console.is_terminal else Console(file=output, width=_WIDTH_WITHOUT_TERMINAL)
+    plain = partial(Console, file=output, markup=False, emoji=False, highlight=False)
+    console = plain()
+    return console if console.is_terminal else plain(width=_WIDTH_WITHOUT_TERMINAL)
 
 
 def printable(text: str) -> str:

@@ -50,7 +50,7 @@ def replay(
             recording.scenario, feed, address, lambda _, feed: ReplayBoard(feed, player), lambda: PlayerBar(player)
         ):
             length = f"{recording.end_s - recording.start_s:.0f} s of {recording.scenario.name}"
-            console.print(f"replay: {address.entrance} ({length}; Ctrl-C ends it)", highlight=False, soft_wrap=True)
+            console.print(f"replay: {address.entrance} ({length}; Ctrl-C ends it)", soft_wrap=True)
             while feed.failure is None:
                 time.sleep(0.2)
             sys.stderr.write(f"the replay ended: {feed.failure}\n")

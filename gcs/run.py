@@ -96,7 +96,7 @@ def run_flight(
         sys.stderr.write(f"{error}\n")
         return EXIT_BAD_INPUT
     if result.folder is not None:
-        console.print(f"recording and logs: {result.folder}", highlight=False, soft_wrap=True)
+        console.print(f"recording and logs: {result.folder}", soft_wrap=True)
     return EXIT_FAILED if result.problems else 0
 
 
@@ -138,7 +138,7 @@ def run_station(
                 about = {"scenario": scenario.name, "version": version}
                 try:
                     recorder = record_flight(folder.path, config, scenario, about, recording.limit_mb)
-                    console.print(f"recording to {folder.path}", highlight=False, soft_wrap=True)
+                    console.print(f"recording to {folder.path}", soft_wrap=True)
                 except GroundError as error:
                     console.print(f"nothing is recorded: {error}", style="yellow", soft_wrap=True)
             station = GroundStation(scenario, director=director, recorder=recorder, desk=desk)
@@ -159,7 +159,7 @@ def run_station(
                 recorder.close()
                 for warning in recorder.take_warnings():
                     console.print(warning, style="yellow", soft_wrap=True)
-                console.print(f"recording: {folder.path}", highlight=False, soft_wrap=True)
+                console.print(f"recording: {folder.path}", soft_wrap=True)
     except (GroundError, OnboardError) as error:
         sys.stderr.write(f"{error}\n")
         return EXIT_BAD_INPUT

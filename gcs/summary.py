@@ -189,7 +189,8 @@ def _ending(vehicle: dict[str, Any]) -> Text:
 
 
 def _rounded(value: float | None, digits: int) -> float | None:
-    return None if value is None else round(value, digits)
+    """Null, too, for what is no number: JSON has none for it."""
+    return None if value is None or not math.isfinite(value) else round(value, digits)
 
 
 def _off_track(vehicle: dict[str, Any]) -> str:

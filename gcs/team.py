@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from gcs.attention import Hole, Listening
@@ -12,9 +13,10 @@ from gcs.output import printable
 from gcs.tracking import TrackingMonitor
 from gcs.vehicle import VehicleMonitor
 from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleState
-from onboard.clock import MissionClock
+from onboard.clock import MAX_CLOCK_ERROR_S, MissionClock
 from onboard.config import Scenario
 from onboard.mapping.errors import MappingError
+from onboard.orders import MAX_START_AHEAD_S
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent
 from onboard.protocol.status_text import StatusTextAssembler
@@ -65,6 +67,15 @@ SOON_REPLACED = frozenset(
 
 _NAMED_PEERS = 5
 
+_STAMPED = (
+    mavlink.MAVLink_arvi_plan_message,
+    mavlink.MAVLink_arvi_landmarks_message,
+    mavlink.MAVLink_target_belief_message,
+    mavlink.MAVLink_target_truth_message,
+    mavlink.MAVLink_vehicle_truth_message,
+)
+"""Messages about a UNIX time: one of another minute would stand for the present for ever, or spoil the figures."""
+
 
 @dataclass(frozen=True, slots=True)
 class Event:
@@ -93,7 +104,8 @@ class TeamState:
         targets: Targets that beliefs or truth speak of.
         target_count: How many there are; None when nobody knows.
         figures: RMSE and entropy so far.
-        mission_start_s: UNIX time of step 0; None before a vehicle has taken it.
+        mission_start_s: UNIX time of step 0; None before a vehicle has taken it. What no vehicle would take does not
+            count.
         explored: What the team has seen of the mission area; None before the first word of it.
         behind_s: By how much the ground station is late, s: all else is the team as it was then; None while it keeps
             up.
@@ -179,6 +191,9 @@ class TeamMonitor:
         """
         system = message.get_srcSystem()
         vehicle = self._vehicles.get(system)
+        if isinstance(message, _STAMPED) and abs(now_s - message.time_usec * 1e-6) > MAX_CLOCK_ERROR_S:
+            self.rejected += 1
+            return
         if self._simulation is not None and system == self._simulation.system_id:
             self._receive_from_bridge(message, now_s)
         elif vehicle is not None:
@@ -229,6 +244,7 @@ class TeamMonitor:
         known_s = now_s if self.heard_until_s is None else min(now_s, self.heard_until_s)
         vehicles = tuple(vehicle.state(known_s) for vehicle in self._vehicles.values())
         starts = [vehicle.mission_start_s for vehicle in vehicles if vehicle.mission_start_s is not None]
+        starts = [start_s for start_s in starts if start_s <= known_s + MAX_START_AHEAD_S]
         targets = self.metrics.targets(known_s)
         count = self._simulation.ground_robots.count if self._simulation is not None else None
         if count is None and self.metrics.truth_targets:
@@ -250,10 +266,11 @@ class TeamMonitor:
 
     def _receive_from_bridge(self, message: mavlink.MAVLink_message, now_s: float) -> None:
         match message:
-            case mavlink.MAVLink_target_truth_message():
+            case mavlink.MAVLink_target_truth_message() if _is_place(message.north, message.east):
                 self.metrics.truth(message)
             case mavlink.MAVLink_vehicle_truth_message() if message.vehicle in self._vehicles:
-                self._vehicles[message.vehicle].truth(message)
+                if _is_place(message.north, message.east, message.yaw):
+                    self._vehicles[message.vehicle].truth(message)
             case mavlink.MAVLink_statustext_message():
                 self._status_text(message, "bridge", now_s)
 
@@ -353,3 +370,7 @@ class TeamMonitor:
             total = f"/{self._simulation.ground_robots.count}" if self._simulation is not None else " so far"
             text = f"target {target} found by vehicle {vehicle.id} ({len(self.metrics.discovered)}{total})"
             self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "team", text)
+
+
+def _is_place(*coordinates: float) -> bool:
+    return all(map(math.isfinite, coordinates))

@@ -92,7 +92,7 @@ class LineDisplay:
         now_s = self._clock()
         if now_s >= self._next_s:
             self._next_s = now_s + _LINE_PERIOD_S
-            self._console.print(progress_line(team, phase, time_left_s), highlight=False, soft_wrap=True)
+            self._console.print(progress_line(team, phase, time_left_s), soft_wrap=True)
 
     def event(self, event: Event) -> None:
         """Print an event."""
@@ -265,7 +265,8 @@ def _vehicle_table(team: TeamState, width: int) -> Table:
             column.title, justify=column.justify, no_wrap=True, ratio=1 if last else None, overflow="ellipsis"
         )
     for i, vehicle in enumerate(team.vehicles):
-        cells = [column.cell(vehicle) for column in columns]
+        # As text: rich takes strings for markup, and a vehicle's last words may look like it.
+        cells = [Text(cell) if isinstance(cell := column.cell(vehicle), str) else cell for column in columns]
         table.add_row(Text(str(vehicle.id), style=f"bold {vehicle_style(i)}"), *cells)
     return table
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 from gcs.attention import Listening
+from gcs.counter_rates import CounterRates
 from gcs.tracking import TrackingMonitor
 from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleState
 from onboard.clock import unix_s
@@ -18,7 +18,6 @@ from onboard.protocol.px4_modes import Px4Mode
 
 __all__ = ["VehicleMonitor"]
 
-_RATE_WINDOW_S = 4.0
 _AIRBORNE_HEIGHT_M = 0.3
 _FRESH_S = 1.0
 _AIRBORNE_LANDED_STATES = (
@@ -60,8 +59,7 @@ class VehicleMonitor:
         self._landed_state = int(mavlink.MAV_LANDED_STATE_UNDEFINED)
         self._flew = False
         self._status_text: str | None = None
-        self._recent: deque[mavlink.MAVLink_planner_status_message] = deque()
-        self._tracking: list[mavlink.MAVLink_planner_status_message] = []
+        self._rates = CounterRates()
         self._tracking_error_sum = 0.0
         self._tracking_error_count = 0
         self._planning_times_s: list[float] = []
@@ -96,18 +94,16 @@ class VehicleMonitor:
         self._sequences.clear()
 
     def planner_status(self, message: mavlink.MAVLink_planner_status_message, now_s: float) -> None:
-        """PLANNER_STATUS, once a step."""
+        """PLANNER_STATUS, once a step; one that a newer one has overtaken says nothing any more."""
+        if self._rates.overtaken(message):
+            return
+        self._rates.add(message)
         self._status = message
         self._status_s = now_s
         self._delay_s = now_s - message.time_usec * 1e-6
-        self._recent.append(message)
-        while message.time_usec - self._recent[0].time_usec > _RATE_WINDOW_S * 1e6:
-            self._recent.popleft()
-        if message.state == FlightState.TRACK:
-            self._tracking = [self._tracking[0] if self._tracking else message, message]
-            if math.isfinite(message.tracking_error):
-                self._tracking_error_sum += message.tracking_error**2
-                self._tracking_error_count += 1
+        if message.state == FlightState.TRACK and math.isfinite(message.tracking_error):
+            self._tracking_error_sum += message.tracking_error**2
+            self._tracking_error_count += 1
         self._note_flight()
 
     def plan(self, plan: PeerPlan) -> None:
@@ -115,8 +111,9 @@ class VehicleMonitor:
         self._plan = plan
         if self._true_tracking is not None:
             self._true_tracking.plan(plan)
-        self._planning_times_s.append(plan.planning_time_s)
-        self._budgets_s.append(plan.budget_s)
+        if math.isfinite(plan.planning_time_s) and math.isfinite(plan.budget_s):
+            self._planning_times_s.append(plan.planning_time_s)
+            self._budgets_s.append(plan.budget_s)
 
     def landmarks(self, places: tuple[tuple[float, float], ...]) -> None:
         """ARVI_LANDMARKS: north m, east m of each."""
@@ -213,7 +210,7 @@ class VehicleMonitor:
             planning_budget_s=plan.budget_s if plan is not None else None,
             plans=status.plans if status is not None else 0,
             deadline_misses=self.deadline_misses,
-            setpoint_rate_hz=_rate(self._recent, "setpoints"),
+            setpoint_rate_hz=self._rates.lately("setpoints"),
             tracking_error_m=_finite(status.tracking_error) if status is not None else None,
             neighbours=tuple(i for i in status.neighbours if i) if status is not None else (),
             targets=status.targets if status is not None else 0,
@@ -234,7 +231,7 @@ class VehicleMonitor:
     def figures(self) -> VehicleFigures:
         """The flight in figures."""
         status, truth = self._status, self._truth
-        rate, gap, separation = _rate(self._tracking, "setpoints"), None, None
+        rate, gap, separation = self._rates.tracking("setpoints"), None, None
         if status is not None and status.setpoints > 0:
             gap = _finite(status.setpoint_gap_max)
         if truth is not None:
@@ -250,8 +247,8 @@ class VehicleMonitor:
             deadline_misses=status.deadline_misses if status is not None else None,
             planning_time_p99_s=_percentile(self._planning_times_s, 0.99),
             planning_budget_s=_percentile(self._budgets_s, 0.5),
-            peer_bytes_per_s=_rate(self._tracking, "peer_bytes_sent"),
-            peer_bytes_received_per_s=_rate(self._tracking, "peer_bytes_received"),
+            peer_bytes_per_s=self._rates.tracking("peer_bytes_sent"),
+            peer_bytes_received_per_s=self._rates.tracking("peer_bytes_received"),
             tracking_error_rms_m=math.sqrt(self._tracking_error_sum / errors) if errors else None,
             true_tracking=self._true_tracking.figures() if self._true_tracking is not None else None,
             min_separation_m=separation,
@@ -323,19 +320,6 @@ def _age(then_s: float | None, now_s: float) -> float | None:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _rate(
-    samples: deque[mavlink.MAVLink_planner_status_message] | list[mavlink.MAVLink_planner_status_message], field: str
-) -> float | None:
-    """Increase of a counter per second from the first to the last status."""
-    if len(samples) < 2:
-        return None
-    first, last = samples[0], samples[-1]
-    duration_s = (last.time_usec - first.time_usec) * 1e-6
-    if duration_s <= 0.0:
-        return None
-    return max(0.0, float(getattr(last, field) - getattr(first, field))) / duration_s
 
 
 def _percentile(values: list[float], fraction: float) -> float | None:

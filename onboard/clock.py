@@ -8,7 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["MissionClock", "unix_s", "usec"]
+__all__ = ["MAX_CLOCK_ERROR_S", "MissionClock", "unix_s", "usec"]
+
+MAX_CLOCK_ERROR_S = 60.0
+"""As for signatures: what is said of a moment in another minute is refused, and holds nothing up for longer, s."""
 
 
 def usec(time_s: float) -> int:

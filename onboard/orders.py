@@ -17,9 +17,10 @@ from onboard.protocol.codec import BROADCAST
 from onboard.protocol.commands import Command
 from onboard.protocol.start_order import read_start
 
-__all__ = ["Answer", "Orders"]
+__all__ = ["MAX_START_AHEAD_S", "Answer", "Orders"]
 
 MAX_START_AHEAD_S = 600.0
+"""No mission is taken on that begins later than this from now, s."""
 
 
 @dataclass(frozen=True, slots=True)

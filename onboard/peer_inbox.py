@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from onboard.clock import MAX_CLOCK_ERROR_S
 from onboard.clock_watch import LARGE_S, ClockWatch
 from onboard.config.schema import Scenario
 from onboard.config.vehicle import VehicleConfig
@@ -28,8 +29,6 @@ from onboard.whereabouts import Whereabouts
 
 __all__ = ["PeerInbox"]
 
-MAX_CLOCK_ERROR_S = 60.0
-"""As for signatures: a teammate's status or plan of another minute is refused, and holds nothing up for longer."""
 MAX_STATUS_AGE_S = 2.0
 """What is older on arrival was stamped by a wrong clock rather than under way for so long."""
 

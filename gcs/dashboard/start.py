@@ -91,7 +91,7 @@ def open_dashboard(
     feed = DashboardFeed(desk)
     with serve_dashboard(scenario, feed, address):
         note = "" if address.port == options.port else f" (TCP port {options.port} is in use)"
-        console.print(f"dashboard: {address.entrance}{note}", highlight=False, soft_wrap=True)
+        console.print(f"dashboard: {address.entrance}{note}", soft_wrap=True)
         if not address.loopback_only:
             console.print("whoever has this address can command the team there", style="yellow", soft_wrap=True)
         yield OpenDashboard(address.url, feed)

@@ -11,7 +11,7 @@ from fuzzing.engine import mutations, run
 from fuzzing.seeds import seeds_of
 from fuzzing.targets import TARGETS
 
-RUNS = {"codec": 3000, "onboard": 600, "problem": 400, "scenario": 200, "signing": 3000}
+RUNS = {"codec": 3000, "ground": 300, "onboard": 600, "problem": 400, "scenario": 200, "signing": 3000}
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -67,10 +67,11 @@ def test_all_keys_are_there_and_the_unknown_is_null(team):
 
 
 def test_figures_reach_their_keys(team, scenario, heard, heartbeat, status):
-    truth = mavlink.MAVLink_vehicle_truth_message(0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.7, 0.04, 10.0, 501, 2)
+    usec = round(T0 * 1e6)
+    truth = mavlink.MAVLink_vehicle_truth_message(usec, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.7, 0.04, 10.0, 501, 2)
     checksum = primitives_checksum(scenario.primitive_set)
     plan = mavlink.MAVLink_arvi_plan_message(
-        0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.125, 0.15, 1, 1, checksum, [0] * 64, 12, 0
+        usec, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.125, 0.15, 1, 1, checksum, [0] * 64, 12, 0
     )
     belief = mavlink.MAVLink_target_belief_message(
         round((T0 + 4.5) * 1e6), [1.0] * 4, [1.0, 0.0, 1.0, *[0.0] * 7], 3, 1, 0
