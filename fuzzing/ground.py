@@ -159,7 +159,9 @@ _SAID_NOW_AND_THEN: tuple[mavlink.MAVLink_message, ...] = (
     mavlink.MAVLink_statustext_message(4, b"[/bold] :smile: \x1b[2J \xff\xfe", 0, 0),
     mavlink.MAVLink_statustext_message(4, "\u202e\u200b\u00e1 [red]".encode(), 0, 0),
     mavlink.MAVLink_target_truth_message(round(1e6 * START_S), 1.0, 2.0, 0.0, 0.0, 1),
-    mavlink.MAVLink_vehicle_truth_message(round(1e6 * START_S), *[1.0] * 10, 100, 1),
+    mavlink.MAVLink_vehicle_truth_message(
+        round(1e6 * START_S), 1.0, 2.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.8, 0.04, 10.0, 501, 1
+    ),
     mavlink.MAVLink_arvi_landmarks_message(round(1e6 * START_S), [1.0] * 24, [2.0] * 24, 3),
     tile(),
 )

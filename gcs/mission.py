@@ -23,6 +23,7 @@ _AGAIN_S = 4.0
 
 _LANDING_MODES = ("LAND", "RTL", "AUTO_RTL", "SMART_RTL")
 _READY = (FlightState.STANDBY, FlightState.LANDED)
+_FLYING_IT = (FlightState.ARM, FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK)
 _COMING_DOWN = (FlightState.RETURN, FlightState.LAND, FlightState.LANDED)
 
 
@@ -59,7 +60,7 @@ HURRIED = LandingPatience(direct_after_s=9.0, give_up_after_s=17.0)
 
 
 class MissionDirector:
-    """Flies a team from STANDBY to the ground.
+    """Flies a team from STANDBY to the ground, or from wherever it finds a team that flies already.
 
     Args:
         step_s: τ, s: step 0 is at a multiple of it in UNIX time, where the detector looks.
@@ -84,6 +85,7 @@ class MissionDirector:
         self._direct_from_s = math.inf
         self._give_up_s = math.inf
         self._landed_by_operator: set[int] = set()
+        self._flew_before: frozenset[int] = frozenset()
 
     @property
     def over(self) -> bool:
@@ -104,9 +106,10 @@ class MissionDirector:
         self._direct_from_s = min(self._direct_from_s, now_s + patience.direct_after_s)
         self._give_up_s = min(self._give_up_s, now_s + patience.give_up_after_s)
 
-    def landed_by_operator(self, vehicle_id: int) -> None:
-        """An operator lands this vehicle alone: it is not started again."""
+    def landed_by_operator(self, vehicle_id: int, now_s: float) -> None:
+        """An operator lands this vehicle: it is not started again, and for a while nothing else is asked of it."""
         self._landed_by_operator.add(vehicle_id)
+        self._land_asked_s[vehicle_id, ONBOARD] = self._land_asked_s[vehicle_id, AUTOPILOT] = now_s
 
     def update(self, team: TeamState) -> list[Command]:
         """What to command now, given the team at this moment."""
@@ -119,9 +122,14 @@ class MissionDirector:
 
     def _advance(self, team: TeamState) -> None:
         now_s = team.time_s
+        if self.phase is Phase.WAITING and team.mission_start_s is not None and any(map(_flies, team.vehicles)):
+            # An operator has started it, or another ground station had before this one took its place.
+            self.phase = Phase.STARTING
+            self.start_s = team.mission_start_s
         if self.phase is Phase.WAITING and all(_ready(vehicle) for vehicle in team.vehicles):
             self.phase = Phase.STARTING
             self.start_s = self._step_s * math.ceil((now_s + self._takeoff_time_s) / self._step_s - 1e-6)
+            self._flew_before = frozenset(vehicle.id for vehicle in team.vehicles if vehicle.flew)
         if self.phase is Phase.STARTING and self.start_s is not None and now_s >= self.start_s:
             self.phase = Phase.FLYING
         if self.phase is Phase.FLYING and self.time_left_s(now_s) == 0.0:
@@ -135,7 +143,11 @@ class MissionDirector:
         """START to who has not taken it, while it can still be up by step 0, or was started anew in the air."""
         if self.start_s is None or vehicle.id in self._landed_by_operator:
             return []
-        wanted = vehicle.flight_state in _READY if now_s < self.start_s else _forgot_that_it_flies(vehicle)
+        if now_s >= self.start_s:
+            wanted = _forgot_that_it_flies(vehicle)
+        else:  # who is down again already was landed by somebody on purpose
+            landed = vehicle.flew and vehicle.safe_on_ground and vehicle.id not in self._flew_before
+            wanted = vehicle.flight_state in _READY and not landed
         if not wanted or now_s - self._started_s.get(vehicle.id, -math.inf) < _AGAIN_S:
             return []
         self._started_s[vehicle.id] = now_s
@@ -166,6 +178,11 @@ class MissionDirector:
 
 def _ready(vehicle: VehicleState) -> bool:
     return vehicle.flight_state in _READY and vehicle.onboard_alive and vehicle.autopilot_alive
+
+
+def _flies(vehicle: VehicleState) -> bool:
+    """Whether it flies a mission."""
+    return vehicle.onboard_alive and vehicle.flight_state in _FLYING_IT and vehicle.mission_start_s is not None
 
 
 def _forgot_that_it_flies(vehicle: VehicleState) -> bool:

@@ -8,6 +8,7 @@ both ways at once, and the first acknowledgement counts.
 from __future__ import annotations
 
 import queue
+import re
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -36,6 +37,10 @@ _REASON_WINDOW_S = 1.5
 """A vehicle says in a text why it refused; it arrives this long after the refusal at most."""
 
 
+_REFUSED = re.compile(r"^\w+ refused: ")
+"""How onboard processes begin to say why; whoever asks for the reason knows that it was refused."""
+
+
 class Action(Enum):
     """What can be ordered."""
 
@@ -58,9 +63,6 @@ class Action(Enum):
         """Whether a vehicle is meant to be on the ground afterwards, and must not be started again by itself."""
         return self in (Action.FINISH, Action.LAND, Action.RETURN, Action.STOP)
 
-
-_OPPOSITES = (Action.PAUSE, Action.RESUME)
-"""One MAVLink command: of the two, one is under way to a vehicle."""
 
 _FLEET_ACTIONS = {
     Action.HOLD: FleetAction.HOLD,
@@ -181,9 +183,7 @@ class OperatorDesk:
         return orders
 
     def opened(self, action: Action, vehicle: int, ways: Iterable[Way], now_s: float) -> None:
-        """A command is under way; one of the same kind to the same vehicle gives up its place."""
-        for rival in _OPPOSITES if action in _OPPOSITES else (action,):
-            self._change(rival, vehicle, lambda old: _closed(old, Outcome.TIMED_OUT, "ordered again", now_s))
+        """A command is under way; given again meanwhile, both have one end."""
         ways = tuple(ways)
         self._records.append(
             CommandRecord(
@@ -213,14 +213,15 @@ class OperatorDesk:
         self._change(action, vehicle, take)
         return taken
 
-    def ended(self, outcome: CommandOutcome, now_s: float) -> None:
-        """A MAVLink command of the station has ended, ordered here or not."""
+    def ended(self, outcome: CommandOutcome, now_s: float, circumstance: str = "") -> None:
+        """A MAVLink command of the station has ended, ordered here or not; what is known besides is added in words."""
         verdict = Outcome.ACKNOWLEDGED if outcome.accepted else Outcome.REFUSED
         if outcome.result is None:
             verdict = Outcome.TIMED_OUT
         way = Way.ONBOARD if outcome.target[1] == ONBOARD else Way.DIRECT
         for action in _ACTIONS_OF.get((way, outcome.command), ()):
-            self._answer(action, outcome.target[0], way, verdict, result_name(outcome.result), now_s)
+            result = result_name(outcome.result) + circumstance
+            self._answer(action, outcome.target[0], way, verdict, result, now_s)
 
     def fleet_ended(self, outcome: FleetOutcome, now_s: float) -> None:
         """MAVSDK tells how an order ended; what it could not send at all is :meth:`rerouted` instead."""
@@ -244,7 +245,7 @@ class OperatorDesk:
         self._change(action, vehicle, take)
 
     def _change(self, action: Action, vehicle: int, change: Callable[[CommandRecord], CommandRecord]) -> None:
-        """Replace the record of this action and vehicle that is under way."""
+        """Replace the records of this action and vehicle that are under way."""
         for i, record in enumerate(self._records):
             if (record.action, record.vehicle, record.outcome) == (action, vehicle, Outcome.SENT):
                 self._records[i] = change(record)
@@ -261,10 +262,9 @@ def refusal_reason(record: CommandRecord, events: Iterable[Event]) -> str | None
         return None
     for event in events:
         about = event.source == f"vehicle {record.vehicle}" and event.severity <= mavlink.MAV_SEVERITY_WARNING
-        # The acknowledgement itself is noted as an event, too; the vehicle's own words come a moment before or later.
-        own_words = not event.text.startswith(("onboard process ", "autopilot refused", "autopilot did not"))
-        if about and own_words and -0.3 <= event.time_s - record.ended_s <= _REASON_WINDOW_S:
-            return event.text
+        # The vehicle's words come a moment before or after its acknowledgement.
+        if about and event.spoken and -0.3 <= event.time_s - record.ended_s <= _REASON_WINDOW_S:
+            return _REFUSED.sub("", event.text)
     return None
 
 

@@ -18,11 +18,12 @@ from gcs.recording.recorder import Recorder
 from gcs.router import TEAM, Port
 from gcs.switchboard import Switchboard
 from gcs.team import SOON_REPLACED, TeamMonitor, TeamState
+from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent
 from onboard.protocol.codec import Codec, message_id
-from onboard.protocol.commands import CommandClient, CommandOutcome
+from onboard.protocol.commands import Command, CommandClient, CommandOutcome
 from onboard.signing_keeper import SigningKeeper, keeping
 
 __all__ = ["COMPONENT_ID", "GroundStation"]
@@ -32,6 +33,9 @@ COMPONENT_ID = mavlink.MAV_COMP_ID_MISSIONPLANNER
 
 _TICK_S = 0.1
 _HEARTBEAT_S = 1.0
+_OPPOSITES = (Action.PAUSE, Action.RESUME)
+"""One MAVLink command: an acknowledgement does not say of which, so one is under way to a vehicle at a time."""
+
 _MAX_STRANGERS = 32
 """Components outside the scenario that are listened to on the team's link; more are ignored."""
 
@@ -96,6 +100,7 @@ class GroundStation:
         self._codec = Codec(*self._identity, self._gate.signing)
         self._reader = Codec(*self._identity)
         self._commands = CommandClient()
+        self._held: list[tuple[Action, Command]] = []
         self.switchboard = Switchboard(scenario.ground, self._frame, self._missed, self._mavsdk_identity)
         self.switchboard.admit(self._admits)
         self.switchboard.verify(self._gate.lets_in)
@@ -153,6 +158,7 @@ class GroundStation:
                 self._commands.request(command, now_s)
         for order in self.desk.take():
             self._obey(order, now_s)
+        self._send_held(now_s)
         if self._fleet is not None:
             for fleet_outcome in self._fleet.poll():
                 self._fleet_ended(fleet_outcome, now_s)
@@ -230,14 +236,28 @@ class GroundStation:
             if len(ids) == len(team.vehicles):
                 self.director.land(now_s, UNHURRIED)
             for vehicle_id in ids:
-                self.director.landed_by_operator(vehicle_id)
+                self.director.landed_by_operator(vehicle_id, now_s)
         start_s = self._start_s(team)
         for vehicle in vehicles:
             command = command_for(order.action, vehicle, start_s)
+            if order.action in _OPPOSITES:
+                self._held.append((order.action, command))
+                continue
             ways = self._ways(order.action, vehicle.id)
             self.desk.opened(order.action, vehicle.id, ways, now_s)
             if ways != (Way.MAVSDK,):
                 self._commands.request(command, now_s)
+
+    def _send_held(self, now_s: float) -> None:
+        """Send what had to wait for the end of its opposite, in the order in which it was given."""
+        held, self._held = self._held, []
+        for action, command in held:
+            target = (command.target_system, command.target_component)
+            if self._commands.pending(command.command, target):
+                self._held.append((action, command))
+                continue
+            self.desk.opened(action, command.target_system, (Way.ONBOARD,), now_s)
+            self._commands.request(command, now_s)
 
     def _ways(self, action: Action, vehicle_id: int) -> tuple[Way, ...]:
         """Where an order goes; what MAVSDK takes it has then."""
@@ -271,12 +291,14 @@ class GroundStation:
         self.team.note(self._clock(), mavlink.MAV_SEVERITY_WARNING, "ground", text)
 
     def _start_s(self, team: TeamState) -> float:
-        """UNIX time of step 0 for those who are started now: the team's, if that is still to come."""
+        """UNIX time of step 0 for those who are started now: the team's, if that is still to come.
+
+        Else it is as many epochs after it as are needed to take off: robots of one group plan in turn, epoch by epoch.
+        """
         mission = self.scenario.mission
-        earliest_s = team.time_s + mission.takeoff_time_s
-        if team.mission_start_s is not None and team.mission_start_s >= earliest_s:
-            return team.mission_start_s
-        return mission.step_s * math.ceil(earliest_s / mission.step_s - 1e-6)
+        earliest_s, epoch_s = team.time_s + mission.takeoff_time_s, mission.replan_steps * mission.step_s
+        first_s = team.mission_start_s if team.mission_start_s is not None else 0.0
+        return first_s + epoch_s * max(0, math.ceil((earliest_s - first_s) / epoch_s - 1e-6))
 
     def _admits(self, source: SystemComponent) -> bool:
         """Whether a component heard for the first time is listened to."""
@@ -300,9 +322,18 @@ class GroundStation:
             self._note(outcome, now_s)
 
     def _note(self, outcome: CommandOutcome, now_s: float) -> None:
-        self.desk.ended(outcome, now_s)
+        silence = self._silence_of(outcome.target, now_s) if outcome.result is None else ""
+        self.desk.ended(outcome, now_s, silence)
         severity = mavlink.MAV_SEVERITY_INFO if outcome.accepted else mavlink.MAV_SEVERITY_WARNING
-        self.team.note(now_s, severity, f"vehicle {outcome.target[0]}", describe(outcome))
+        self.team.note(now_s, severity, f"vehicle {outcome.target[0]}", describe(outcome) + silence)
+
+    def _silence_of(self, target: SystemComponent, now_s: float) -> str:
+        """Why a component may not have answered, as far as its heartbeats tell."""
+        vehicle = self.team.state(now_s).vehicle(target[0])
+        age_s = vehicle.autopilot_age_s if target[1] == AUTOPILOT else vehicle.onboard_age_s
+        if age_s is None:
+            return "; it is not heard"
+        return f"; silent for {age_s:.0f} s" if age_s >= HEARTBEAT_TIMEOUT_S else ""
 
     def _send(self, remote: SystemComponent, message: mavlink.MAVLink_message, now_s: float) -> None:
         """Send to a component; who was never heard cannot be reached."""

@@ -86,12 +86,14 @@ class Event:
         severity: ``MAV_SEVERITY``: 6 informs, 4 warns, 3 and less is an error.
         source: Who: ``vehicle 2``, ``team``, ``bridge``.
         text: What.
+        spoken: Whether the source has said it itself, in these words.
     """
 
     time_s: float
     severity: int
     source: str
     text: str
+    spoken: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +309,7 @@ class TeamMonitor:
         if whole is None:
             return None
         severity, text = whole[0], printable(whole[1])
-        self.note(now_s, severity, source, text)
+        self._events.append(Event(now_s, severity, source, text, spoken=True))
         return text
 
     def _heartbeat(self, message: mavlink.MAVLink_heartbeat_message, vehicle: VehicleMonitor, now_s: float) -> None:

@@ -95,12 +95,12 @@ class VehicleMonitor:
 
     def planner_status(self, message: mavlink.MAVLink_planner_status_message, now_s: float) -> None:
         """PLANNER_STATUS, once a step; one that a newer one has overtaken says nothing any more."""
+        self._delay_s = now_s - message.time_usec * 1e-6
         if self._rates.overtaken(message):
             return
         self._rates.add(message)
         self._status = message
         self._status_s = now_s
-        self._delay_s = now_s - message.time_usec * 1e-6
         if message.state == FlightState.TRACK and math.isfinite(message.tracking_error):
             self._tracking_error_sum += message.tracking_error**2
             self._tracking_error_count += 1

@@ -115,6 +115,27 @@ def test_start_goes_again_to_who_has_not_taken_it_but_not_after_step_0():
     assert director.update(team(T0 + 8.5, flying(1), vehicle(2))) == []
 
 
+def test_who_was_landed_by_somebody_on_its_way_up_stays_down():
+    director = MissionDirector(0.5, 8.0, 120.0)
+    director.update(team(T0, vehicle(1), vehicle(2)))
+    director.update(team(T0 + 3.0, flying(1, FlightState.TAKEOFF), flying(2, FlightState.TAKEOFF)))
+    down = vehicle(2, flew=True, landed=True)
+    assert director.update(team(T0 + 6.0, flying(1, FlightState.TAKEOFF), down)) == []
+    in_the_air = flying(2, FlightState.STANDBY)
+    again = director.update(team(T0 + 6.1, flying(1, FlightState.TAKEOFF), in_the_air))
+    assert asked(again) == [(2, ONBOARD, START)], "its process began anew"
+
+
+@pytest.mark.parametrize("others", [vehicle(2), vehicle(2, None), flying(2, mission_start_s=T0)])
+def test_a_mission_that_is_flown_already_is_taken_up(others):
+    """As after a restart of the ground station, or when an operator did not wait for all."""
+    director = MissionDirector(0.5, 8.0, 60.0)
+    found = replace(team(T0 + 20.0, flying(1, mission_start_s=T0), others), mission_start_s=T0)
+    assert director.update(found) == []
+    assert (director.phase, director.start_s, director.time_left_s(T0 + 20.0)) == (Phase.FLYING, T0, 40.0)
+    assert (1, ONBOARD, LAND) in asked(director.update(replace(found, time_s=T0 + 60.0)))
+
+
 def test_an_onboard_process_that_began_anew_in_the_air_is_told_the_mission_again():
     director = director_in_flight()
     forgetful = flying(2, FlightState.WAIT, armed=True)

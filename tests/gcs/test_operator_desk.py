@@ -4,8 +4,8 @@ import pytest
 
 from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.fleet import FleetAction, FleetOutcome, Verdict
-from gcs.operator_desk import Action, OperatorDesk, Order, Outcome, Way, command_for
-from gcs.team import TeamMonitor
+from gcs.operator_desk import Action, OperatorDesk, Order, Outcome, Way, command_for, refusal_reason
+from gcs.team import Event, TeamMonitor
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.ardupilot_modes import CopterMode
 from onboard.protocol.commands import CommandOutcome
@@ -83,14 +83,26 @@ def test_each_end_is_recorded_with_its_time(desk, result, outcome, words):
     assert second.outcome is Outcome.SENT
 
 
-def test_an_order_given_again_takes_the_place_of_the_first(desk):
-    desk.opened(Action.PAUSE, 1, (Way.ONBOARD,), T0)
+def test_an_order_given_again_while_it_is_under_way_has_the_same_end(desk):
+    for _ in range(2):
+        desk.opened(Action.LAND, 1, (Way.DIRECT,), T0)
+    desk.ended(CommandOutcome(LAND, (1, AUTOPILOT), 0), T0 + 1.0)
+    assert [record.outcome for record in desk.records] == [Outcome.ACKNOWLEDGED] * 2
+
+
+def test_why_it_refused_is_what_the_vehicle_said_then(desk):
     desk.opened(Action.RESUME, 1, (Way.ONBOARD,), T0)
-    desk.ended(CommandOutcome(PAUSE, (1, ONBOARD), 0), T0 + 1.0)
-    assert [(record.action, record.result) for record in desk.records] == [
-        (Action.PAUSE, "ordered again"),
-        (Action.RESUME, "accepted"),
-    ]
+    desk.ended(CommandOutcome(PAUSE, (1, ONBOARD), mavlink.MAV_RESULT_TEMPORARILY_REJECTED), T0 + 1.0)
+    (record,) = desk.records
+    said = Event(T0 + 0.99, 4, "vehicle 1", "resume refused: state is TRACK", spoken=True)
+    noise = (
+        Event(T0 + 1.0, 4, "vehicle 1", "onboard process refused DO_PAUSE_CONTINUE: temporarily rejected"),
+        Event(T0 + 1.0, 6, "vehicle 1", "by the way", spoken=True),
+        Event(T0 + 1.0, 4, "vehicle 2", "another vehicle", spoken=True),
+        Event(T0 - 5.0, 4, "vehicle 1", "long ago", spoken=True),
+    )
+    assert refusal_reason(record, (*noise, said)) == "state is TRACK"
+    assert refusal_reason(record, noise) is None
 
 
 @pytest.mark.parametrize(

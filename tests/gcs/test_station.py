@@ -245,12 +245,61 @@ def test_an_operators_order_goes_out_and_its_end_is_recorded(station, remotes, s
     assert ("operator", "pause vehicle 2") in [(event.source, event.text) for event in station.team.take_events()]
 
 
+def test_pause_and_resume_wait_for_each_other_so_that_no_answer_is_taken_for_the_others(
+    station, remotes, stand_by, clock
+):
+    stand_by(FlightState.TRACK, armed=True)
+    for action in (Action.PAUSE, Action.RESUME):
+        station.desk.submit(Order(action, (2,)))
+    station.tick()
+    assert [message.param1 for _, message in station.loop.take("COMMAND_LONG")] == [0.0]
+    remotes[2, 191].say(ack(mavlink.MAV_CMD_DO_PAUSE_CONTINUE))
+    station.tick()
+    assert [message.param1 for _, message in station.loop.take("COMMAND_LONG")] == [1.0]
+    assert [record.outcome for record in station.desk.records] == [Outcome.ACKNOWLEDGED, Outcome.SENT]
+
+
+def test_who_did_not_answer_is_said_to_be_silent_if_it_is(station, remotes, stand_by, clock, heartbeat):
+    remotes[2, 1].say(heartbeat())
+    clock.now_s += 7.0
+    remotes[3, 191].say(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3))
+    station.desk.submit(Order(Action.LAND, (2,)))
+    station.desk.submit(Order(Action.PAUSE, (2, 3)))
+    for _ in range(40):
+        station.tick()
+        clock.now_s += 0.1
+    assert [record.result for record in station.desk.records] == [
+        "no answer; silent for 10 s",
+        "no answer; it is not heard",
+        "no answer",
+    ]
+
+
 def test_an_operator_who_lands_all_ends_the_flight(station, remotes, stand_by, clock):
     stand_by(FlightState.TRACK, armed=True)
     station.desk.submit(Order(Action.LAND, (1, 2, 3)))
     station.tick()
     assert station.director.phase is Phase.LANDING
-    assert len(station.loop.take("COMMAND_LONG")) == 3, "operator's and director's are one"
+    for _ in range(10):
+        clock.now_s += 0.1
+        station.tick()
+    asked = {(m.target_system, m.target_component) for _, m in station.loop.take("COMMAND_LONG")}
+    assert asked == {(1, 1), (2, 1), (3, 1)}, "the director does not ask to fly home those that are told to land here"
+
+
+def test_who_is_started_later_plans_in_turn_with_the_others(station, remotes, stand_by, status, clock, scenario):
+    stand_by(FlightState.TRACK, armed=True)
+    began_s = T0 - 30.5
+    remotes[1, 191].say(status(T0 + 0.5, state=FlightState.TRACK, mission_start_usec=round(began_s * 1e6)))
+    absurd = status(T0 + 0.5, state=FlightState.TRACK, mission_start_usec=2**63)
+    remotes[3, 191].say(absurd)
+    station.desk.submit(Order(Action.START, (2,)))
+    station.tick()
+    ((_, start),) = station.loop.take("COMMAND_INT")
+    later_s = start.x + 1e-6 * start.y - began_s
+    epoch_s = scenario.mission.replan_steps * scenario.mission.step_s
+    assert later_s / epoch_s == round(later_s / epoch_s)
+    assert 0.0 <= began_s + later_s - T0 - scenario.mission.takeoff_time_s < epoch_s
 
 
 def test_a_vehicle_that_the_operator_landed_is_not_started_again(station, remotes, stand_by, clock):

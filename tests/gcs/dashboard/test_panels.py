@@ -7,8 +7,7 @@ import pytest
 from gcs.dashboard import panels
 from gcs.dashboard.board import Moment
 from gcs.dashboard.view import MapBounds
-from gcs.operator_desk import Action, CommandRecord, Outcome, Way, refusal_reason
-from gcs.team import Event
+from gcs.operator_desk import Action, CommandRecord, Outcome, Way
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
@@ -121,14 +120,3 @@ def test_every_outcome_is_told(outcome, result, words):
     html = panels.command_lines([record(outcome, result, T0 + 1.0)], [])
     assert "Pause vehicle 2" in html
     assert f"<b>{words}</b>" in html
-
-
-def test_a_refusal_is_explained_by_what_the_vehicle_says_then():
-    refused = record(Outcome.REFUSED, "temporarily rejected", T0 + 1.0)
-    events = [
-        Event(T0 + 1.1, 4, "vehicle 2", "pause refused: state is RETURN"),
-        Event(T0 + 1.0, 4, "vehicle 2", "onboard process refused DO_PAUSE_CONTINUE: temporarily rejected"),
-        Event(T0 + 1.1, 4, "vehicle 1", "something else"),
-    ]
-    assert refusal_reason(refused, reversed(events)) == "pause refused: state is RETURN"
-    assert refusal_reason(refused, events[1:]) is None
