@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable
 
 from gcs.attention import Attention
-from gcs.commands import AUTOPILOT, ONBOARD, describe
+from gcs.commands import describe
 from gcs.fleet import FleetOutcome, FleetProcess, Verdict
 from gcs.mission import UNHURRIED, MissionDirector
 from gcs.onboard_gate import OnboardGate
 from gcs.operator_desk import Action, OperatorDesk, Order, Way, command_for
-from gcs.recording.recorder import Recorder
+from gcs.recording.recorder import OTHERS, Recorder, link_names
 from gcs.router import TEAM, Port
 from gcs.switchboard import Switchboard
 from gcs.team import SOON_REPLACED, TeamMonitor, TeamState
@@ -105,12 +105,7 @@ class GroundStation:
         self.switchboard.admit(self._admits)
         self.switchboard.verify(self._gate.lets_in)
         self._fleet: FleetProcess | None = None
-        self._names: dict[SystemComponent, str] = {}
-        for vehicle in scenario.vehicles:
-            self._names[vehicle.id, AUTOPILOT] = f"vehicle{vehicle.id}_autopilot"
-            self._names[vehicle.id, ONBOARD] = f"vehicle{vehicle.id}_onboard"
-        if scenario.simulation is not None:
-            self._names[scenario.simulation.system_id, AUTOPILOT] = "bridge"
+        self._names = link_names(scenario)
         self._next_heartbeat_s = -math.inf
 
     async def open(self, team_url: str | None = None, *, mavsdk: bool = True) -> None:
@@ -204,7 +199,7 @@ class GroundStation:
 
     def _frame(self, frame: bytes, source: SystemComponent, port: Port, arrived_s: float) -> None:
         """Every frame is recorded, only what the team's state needs is decoded."""
-        self._record(source, arrived_s, frame)
+        self._record(self._link(source, port), arrived_s, frame)
         if port.link != TEAM:
             return
         hole = self._attention.read_to(arrived_s)
@@ -339,8 +334,18 @@ class GroundStation:
         """Send to a component; who was never heard cannot be reached."""
         frame = self._codec.encode(message)
         if self.switchboard.send(frame, remote):
-            self._record(remote, now_s, frame)
+            self._record(self._names.get(remote, OTHERS), now_s, frame)
 
-    def _record(self, source: SystemComponent, now_s: float, frame: bytes) -> None:
+    def _link(self, source: SystemComponent, port: Port) -> str:
+        """The name of the link that a frame came on: its sender's, or that of who passes on what its companion says."""
+        if port.link != TEAM:
+            return OTHERS
+        port_of = self.switchboard.router.port_of
+        if port == port_of(source):
+            return self._names.get(source, OTHERS)
+        carriers = (known for known in self._names if known[0] == source[0] and port_of(known) == port)
+        return self._names.get(next(carriers, source), OTHERS)
+
+    def _record(self, link: str, now_s: float, frame: bytes) -> None:
         if self._recorder is not None:
-            self._recorder.write(self._names.get(source, "others"), round(now_s * 1e6), frame)
+            self._recorder.write(link, round(now_s * 1e6), frame)

@@ -10,7 +10,7 @@ from typing import Any
 from gcs.errors import GroundError
 from gcs.output import printable
 from gcs.recording.mcap_log import read_mcap
-from gcs.recording.recorder import MCAP_NAME
+from gcs.recording.recorder import MCAP_NAME, OTHERS, link_names
 from gcs.recording.tlog import read_tlog
 from gcs.team import Event
 from onboard.config import ConfigError, Scenario, load_scenario
@@ -29,10 +29,12 @@ class HeardFrame:
     Attributes:
         time_s: UNIX time of its reception, s.
         frame: The raw frame.
+        direct: Whether it came on its sender's own link; not, for what an autopilot passed on for its companion.
     """
 
     time_s: float
     frame: bytes
+    direct: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +128,16 @@ def _read_links(folder: Path, scenario: Scenario) -> tuple[HeardFrame, ...]:
     senders = {vehicle.id for vehicle in scenario.vehicles}
     if scenario.simulation is not None:
         senders.add(scenario.simulation.system_id)
-    heard = [
-        HeardFrame(time_usec / 1e6, frame)
-        for path in sorted(folder.glob("*.tlog"))
-        for time_usec, frame in read_tlog(path)
-        if source_of(frame)[0] in senders
-    ]
+    names = link_names(scenario)
+    known = {*names.values(), OTHERS}
+    heard = []
+    for path in sorted(folder.glob("*.tlog")):
+        for time_usec, frame in read_tlog(path):
+            source = source_of(frame)
+            if source[0] in senders:
+                # A log of another program holds whole links, by whatever name.
+                direct = path.stem not in known or names.get(source) == path.stem
+                heard.append(HeardFrame(time_usec / 1e6, frame, direct))
     heard.sort(key=lambda item: item.time_s)
     return tuple(heard)
 

@@ -14,16 +14,20 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
+from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.folder import describe_run
 from gcs.recording.mcap_log import McapLog
 from gcs.recording.tlog import stamped
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
+from onboard.protocol.addressing import SystemComponent
 
-__all__ = ["DEFAULT_LIMIT_MB", "MCAP_NAME", "Recorder", "record_flight"]
+__all__ = ["DEFAULT_LIMIT_MB", "MCAP_NAME", "OTHERS", "Recorder", "link_names", "record_flight"]
 
 DEFAULT_LIMIT_MB = 2000
 MCAP_NAME = "flight.mcap"
+OTHERS = "others"
+"""Name of what comes from, or goes to, nobody of the team."""
 
 _CHUNK_BYTES = 64 * 1024
 _QUEUE_ITEMS = 256
@@ -172,6 +176,17 @@ class Recorder:
             if self.failure is None:
                 self.failure = self._files.take(item)
         self._files.close()
+
+
+def link_names(scenario: Scenario) -> dict[SystemComponent, str]:
+    """The team's links, by whose they are: each has a ``.tlog`` file of that name."""
+    names = {}
+    for vehicle in scenario.vehicles:
+        names[vehicle.id, AUTOPILOT] = f"vehicle{vehicle.id}_autopilot"
+        names[vehicle.id, ONBOARD] = f"vehicle{vehicle.id}_onboard"
+    if scenario.simulation is not None:
+        names[scenario.simulation.system_id, AUTOPILOT] = "bridge"
+    return names
 
 
 def record_flight(folder: Path, config: Path, scenario: Scenario, about: dict[str, Any], limit_mb: int) -> Recorder:

@@ -98,7 +98,8 @@ class Replay:
         until = bisect.bisect_right(self._frame_times, now_s, lo=cursor.frame)
         for heard in self.recording.frames[cursor.frame : until]:
             source = source_of(heard.frame)
-            cursor.monitor.sequence(heard.frame, source, heard.time_s)
+            if heard.direct:
+                cursor.monitor.sequence(heard.frame, source, heard.time_s)
             if cursor.monitor.wants(message_id(heard.frame), source[0], heard.time_s):
                 for message in self._codec.decode(heard.frame):
                     cursor.monitor.receive(message, heard.time_s)

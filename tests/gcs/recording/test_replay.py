@@ -14,8 +14,13 @@ from gcs.errors import GroundError
 from gcs.operator_desk import OperatorDesk
 from gcs.recording.player import Player
 from gcs.recording.reader import open_recording
-from gcs.recording.recorder import MCAP_NAME
+from gcs.recording.recorder import MCAP_NAME, record_flight
 from gcs.recording.replay import TICK_S, Replay
+from gcs.recording.tlog import read_tlog
+from gcs.router import TEAM
+from gcs.station import GroundStation
+from onboard.protocol import dialect as mavlink
+from onboard.protocol.codec import Codec
 
 
 @pytest.fixture(scope="module")
@@ -165,6 +170,34 @@ def test_telemetry_logs_alone_replay_with_the_events_that_messages_tell(flown, t
     replay.go(replay.ticks)
     assert len(replay.events(-1, replay.ticks)) == count, "said once, however often one passes"
     assert replay.phase().phase == "recorded"
+
+
+def test_what_an_autopilot_passes_on_for_its_companion_is_in_its_own_log_and_no_loss_of_the_companions(
+    flown, heartbeat, tmp_path
+):
+    """As PX4 and ArduPilot do; the companion counts its frames on each of its links."""
+    now_s = 1.7e9
+    clock = lambda: now_s  # noqa: E731
+    recorder = record_flight(tmp_path, flown.folder / "scenario.yaml", flown.scenario, {}, 100)
+    station = GroundStation(flown.scenario, recorder=recorder, clock=clock, steady=clock)
+    autopilot, onboard, to_autopilot = Codec(1, 1), Codec(1, 191), Codec(1, 191)
+    for i in range(100):
+        now_s += 0.1
+        for frame, port in (
+            (autopilot.encode(heartbeat()), 1),
+            (onboard.encode(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)), 2),
+            *[(to_autopilot.encode(mavlink.MAVLink_timesync_message(0, i)), 1)] * (i % 3 == 0),
+        ):
+            station.switchboard.receive(TEAM, frame, ("vehicle", port), now_s)
+    recorder.close()
+    live = station.team.state(now_s).vehicle(1).link
+    assert live.loss == 0.0
+    assert live.received > 150
+    replay = Replay(open_recording(tmp_path))
+    replay.go(replay.ticks)
+    assert replay.state().vehicle(1).link == live
+    counts = {path.stem: len(list(read_tlog(path))) for path in tmp_path.glob("*.tlog")}
+    assert counts == {"vehicle1_autopilot": 134, "vehicle1_onboard": 100}
 
 
 @pytest.mark.parametrize(
