@@ -15,7 +15,12 @@ from gcs.exit_codes import EXIT_FAILED
 
 __all__ = ["compare", "replay", "report"]
 
-Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A recording, e.g. flights/lab-20260131-120000.")]
+Folder = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FOLDER", help="A recording, e.g. flights/lab-20260131-120000; of a folder of recordings, the latest."
+    ),
+]
 
 
 def replay(
@@ -38,18 +43,20 @@ def replay(
     from gcs.operator_desk import OperatorDesk
     from gcs.output import open_console
     from gcs.recording.player import Player
-    from gcs.recording.reader import open_recording
+    from gcs.recording.reader import find_recording, open_recording
 
     console = open_console()
     try:
-        recording = open_recording(folder)
+        recording = open_recording(find_recording(folder))
+        for problem in recording.problems:
+            console.print(problem, style="yellow", soft_wrap=True)
         feed = DashboardFeed(OperatorDesk())
         address = find_port(dashboard_host, dashboard_port)
         player = Player(recording, speed)
         with serve_dashboard(
             recording.scenario, feed, address, lambda _, feed: ReplayBoard(feed, player), lambda: PlayerBar(player)
         ):
-            length = f"{recording.end_s - recording.start_s:.0f} s of {recording.scenario.name}"
+            length = f"{recording.end_s - recording.start_s:.0f} s of {recording.folder}"
             console.print(f"replay: {address.entrance} ({length}; Ctrl-C ends it)", soft_wrap=True)
             while feed.failure is None:
                 time.sleep(0.2)
@@ -73,10 +80,11 @@ def report(
     **Example**: `arvi report flights/lab-20260131-120000 -o lab.html`
     """
     from gcs.errors import GroundError
-    from gcs.recording.reader import open_recording
+    from gcs.recording.reader import find_recording, open_recording
     from gcs.reports.flight_series import read_series
     from gcs.reports.report import write_report
 
+    folder = find_recording(folder)
     path = output if output is not None else folder / "report.html"
     try:
         figures = write_report(read_series(open_recording(folder)), path)

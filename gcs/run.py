@@ -157,7 +157,8 @@ def run_station(
                 reason = asyncio.run(_watch(station, display, opened))
             if recorder is not None:
                 recorder.close()
-                for warning in recorder.take_warnings():
+                problems = () if reason is None else (reason,)
+                for warning in (*recorder.take_warnings(), *_keep_summary(folder.path, station, version, problems)):
                     console.print(warning, style="yellow", soft_wrap=True)
                 console.print(f"recording: {folder.path}", soft_wrap=True)
     except (GroundError, OnboardError) as error:
@@ -170,6 +171,26 @@ def run_station(
 
 def _titled(title: str, dashboard: OpenDashboard | None) -> str:
     return title if dashboard is None else f"{title} · {dashboard.url}"
+
+
+def _keep_summary(folder: Path, station: GroundStation, version: str, problems: tuple[str, ...]) -> list[str]:
+    """Write what was flown beside the recording; why that cannot be done."""
+    now_s = time.time()
+    facts = summary.FlightFacts(
+        scenario=station.scenario.name,
+        version=version,
+        seed=None,
+        mission_start_s=station.team.state(now_s).mission_start_s,
+        mission_end_s=station.director.landing_since_s if station.director is not None else None,
+        cpu_cores=None,
+        cpu_s={},
+        problems=problems,
+    )
+    try:
+        summary.write_json(summary.summarize(station.team, facts, now_s), folder / "summary.json")
+    except GroundError as error:
+        return [str(error)]
+    return []
 
 
 async def _watch(station: GroundStation, display: Display, opened: Callable[[], None]) -> str | None:

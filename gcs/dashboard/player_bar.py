@@ -53,7 +53,7 @@ class PlayerBar:
             stylesheets=[style],
         )  # fmt: skip
         self._speed.on_change("value", self._change_speed)
-        self._time = Div(text="", width=110, align="center", stylesheets=[InlineStyleSheet(css=TEXT)])
+        self._time = Div(text="", width=150, align="center", stylesheets=[InlineStyleSheet(css=TEXT)])
         self.row = Row(
             name="orders",
             sizing_mode="stretch_width",
@@ -69,13 +69,17 @@ class PlayerBar:
             self._button.label = label
         if self._speed.value != f"{player.speed:g}":
             self._speed.value = f"{player.speed:g}"
-        if not self._held and player.position_s != self._shown_s:
-            self._shown_s = round(player.position_s, 1)
-            self._slider.value = self._shown_s
-            self._say_time(self._shown_s)
+        if not self._held:
+            position_s = round(player.wanted_s, 1)
+            if position_s != self._shown_s:
+                self._shown_s = position_s
+                self._slider.value = position_s
+            self._say_time(position_s)
 
     def _say_time(self, position_s: float) -> None:
-        self._time.text = f"<b class='clock'>{_clock(position_s)} / {_clock(self._player.duration_s)}</b>"
+        reading = self._player.reading
+        place = f"{_clock(position_s)} / {_clock(self._player.duration_s)}"
+        self._time.text = f"<b class='clock'>{place if reading is None else f'reading {100 * reading:.0f} %'}</b>"
 
     def _moved(self, attr: str, old: Any, new: Any) -> None:
         if float(new) != self._shown_s:  # by hand: what we show ourselves arrives here, too

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -114,12 +114,15 @@ class McapLog:
         self._writer.add_message(channel, time_ns, data, time_ns, sequence)
 
 
-def read_mcap(path: Path, topics: frozenset[str] | None = None) -> Iterator[LoggedMessage]:
+def read_mcap(
+    path: Path, topics: frozenset[str] | None = None, *, cut_off: Callable[[], None] = lambda: None
+) -> Iterator[LoggedMessage]:
     """The messages of a file in their order, as far as it goes; a file without index, or cut off, is no error.
 
     Args:
         path: The file.
         topics: Those that are wanted; None wants all.
+        cut_off: Called at the end if the file ends early or is damaged there.
 
     Raises:
         OSError: It cannot be read.
@@ -133,9 +136,9 @@ def read_mcap(path: Path, topics: frozenset[str] | None = None) -> Iterator[Logg
                 elif isinstance(record, Message):
                     topic = names.get(record.channel_id, "")
                     if topics is None or topic in topics:
-                        yield LoggedMessage(topic, record.log_time / 1e9, json.loads(record.data))
-        except (McapError, ZstdError, struct.error, ValueError, LookupError):
-            return  # the end is missing or damaged: whoever wrote it was stopped
+                        yield LoggedMessage(topic, record.log_time / 1e9, dict(json.loads(record.data)))
+        except (McapError, ZstdError, struct.error, ValueError, TypeError, LookupError):
+            cut_off()  # whoever wrote it was stopped
 
 
 class _WholeWrites:

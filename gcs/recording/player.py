@@ -14,8 +14,11 @@ __all__ = ["SAMPLE_TICKS", "Player"]
 SAMPLE_TICKS = 5
 """The charts get a sample twice a second of the flight, as in flight."""
 
-_WORK_S = 0.06
-"""Longest that one refresh may work, so that the page stays quick while a long way is read."""
+_AHEAD_S = 0.06
+"""How long one refresh reads ahead, so that the page stays quick meanwhile, s."""
+
+_WORK_S = 0.15
+"""The same while somebody waits for it, s."""
 
 
 class Player:
@@ -28,7 +31,7 @@ class Player:
 
     Attributes:
         replay: Where it is.
-        samples: The team at every fifth tick that has been passed, by the tick.
+        samples: The team at every fifth tick that has been read, by the tick.
         speed: Seconds of the flight in one second.
         playing: Whether time passes; not before somebody looks.
         jumps: How often it has gone back or ahead at one stroke.
@@ -54,6 +57,16 @@ class Player:
     def position_s(self) -> float:
         """Since the recording's start, s."""
         return TICK_S * self.replay.tick
+
+    @property
+    def wanted_s(self) -> float:
+        """Where it is sent to, since the recording's start, s."""
+        return TICK_S * int(self._wanted)
+
+    @property
+    def reading(self) -> float | None:
+        """How much of the way to where it is sent to has been read, 0 to 1; None if all."""
+        return self.replay.read / self._wanted if self.replay.read < int(self._wanted) else None
 
     @property
     def arrived(self) -> bool:
@@ -84,9 +97,18 @@ class Player:
             self._wanted = min(self._wanted + (now_s - before_s) * self.speed / TICK_S, float(self.replay.ticks))
             if int(self._wanted) >= self.replay.ticks:
                 self.playing = self.replay.tick < self.replay.ticks
-        target, until_s = int(self._wanted), now_s + _WORK_S
-        self.replay.jump(target)
-        while self.replay.tick < target and self._clock() < until_s:
-            self.replay.step()
-            if self.replay.tick % SAMPLE_TICKS == 0 and self.replay.tick not in self.samples:
-                self.samples[self.replay.tick] = self.replay.state()
+        target, until_s = int(self._wanted), now_s + (_AHEAD_S if self.arrived else _WORK_S)
+        while self.replay.read < target and self._clock() < until_s:
+            self._read_ahead()
+        if self.replay.read >= target:
+            self.replay.jump(target)
+            while self.replay.tick < target and self._clock() < until_s:
+                self.replay.step()
+        until_s = min(until_s, now_s + _AHEAD_S)
+        while self.replay.read < self.replay.ticks and self._clock() < until_s:
+            self._read_ahead()
+
+    def _read_ahead(self) -> None:
+        self.replay.read_ahead()
+        if self.replay.read % SAMPLE_TICKS == 0:
+            self.samples[self.replay.read] = self.replay.state_ahead()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from onboard.config import ConfigError, Scenario, load_scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import source_of
 
-__all__ = ["HeardFrame", "PhaseMark", "Recording", "open_recording"]
+__all__ = ["HeardFrame", "PhaseMark", "Recording", "find_recording", "open_recording"]
 
 _SEVERITIES = {entry.name: value for value, entry in mavlink.enums["MAV_SEVERITY"].items()}
 
@@ -64,6 +65,7 @@ class Recording:
         frames: What the team said, in the order of reception.
         events: What the operator was told; None if that was not kept, as in recordings without MCAP file.
         phases: By time; empty if that was not kept.
+        problems: What is missing or damaged, one sentence each.
     """
 
     folder: Path
@@ -73,6 +75,7 @@ class Recording:
     frames: tuple[HeardFrame, ...]
     events: tuple[Event, ...] | None
     phases: tuple[PhaseMark, ...]
+    problems: tuple[str, ...]
 
     @property
     def start_s(self) -> float:
@@ -90,24 +93,32 @@ class Recording:
         return next((mark.time_s for mark in self.phases if mark.phase == "landing"), None)
 
 
+def find_recording(folder: Path) -> Path:
+    """The folder itself, or the latest recording in it if it is none, as ``flights``."""
+    inside = _recordings_in(folder)
+    return inside[-1] if inside else folder
+
+
 def open_recording(folder: Path) -> Recording:
     """Read the recording in a folder.
 
     Raises:
         GroundError: There is none, or nothing in it can be used.
     """
+    if folder.is_file():
+        raise GroundError(f"{folder}: is a file; name the folder that it is in")
     if not folder.is_dir():
         raise GroundError(f"{folder}: no such folder; `arvi fly` prints the folder that it records to")
-    inside = sorted(folder.glob("*/scenario.yaml"), key=lambda path: path.stat().st_mtime)
-    if inside and not (folder / "scenario.yaml").exists():
-        raise GroundError(f"{folder}: is no recording, but holds {len(inside)}; the latest is {inside[-1].parent}")
+    if inside := _recordings_in(folder):
+        raise GroundError(f"{folder}: is no recording, but holds {len(inside)}; the latest is {inside[-1]}")
     try:
         scenario = load_scenario(folder / "scenario.yaml")
     except ConfigError as error:
         raise GroundError(f"{folder}: is no recording, or of another version: {error}") from None
+    problems: list[str] = []
     try:
         frames = _read_links(folder, scenario)
-        events, phases = _read_view(folder / MCAP_NAME)
+        events, phases = _read_view(folder / MCAP_NAME, problems)
     except OSError as error:
         raise GroundError(f"{error.filename or folder}: cannot be read: {error.strerror or error}") from None
     if not frames:
@@ -115,12 +126,21 @@ def open_recording(folder: Path) -> Recording:
     return Recording(
         folder=folder,
         scenario=scenario,
-        about=_read_json(folder / "flight.json") or {},
-        summary=_read_json(folder / "summary.json"),
+        about=_read_json(folder / "flight.json", problems) or {},
+        summary=_read_json(folder / "summary.json", problems),
         frames=frames,
         events=events,
         phases=phases,
+        problems=tuple(problems),
     )
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    """The recordings in a folder that is none itself; the latest comes last."""
+    if (folder / "scenario.yaml").exists():
+        return []
+    found = sorted(folder.glob("*/scenario.yaml"), key=lambda path: path.stat().st_mtime)
+    return [path.parent for path in found]
 
 
 def _read_links(folder: Path, scenario: Scenario) -> tuple[HeardFrame, ...]:
@@ -142,26 +162,44 @@ def _read_links(folder: Path, scenario: Scenario) -> tuple[HeardFrame, ...]:
     return tuple(heard)
 
 
-def _read_view(path: Path) -> tuple[tuple[Event, ...] | None, tuple[PhaseMark, ...]]:
+def _read_view(path: Path, problems: list[str]) -> tuple[tuple[Event, ...] | None, tuple[PhaseMark, ...]]:
     """What the operator was told, and the phases; nothing when the MCAP file is missing or empty."""
+    lost = "what the operator was told is worked out from the messages, and when landing began is not known"
+    if not path.exists():
+        problems.append(f"{path.name} is missing: {lost}")
+        return None, ()
     events: list[Event] = []
     phases: list[PhaseMark] = []
-    if not path.exists():
-        return None, ()
-    for message in read_mcap(path, frozenset({"/events", "/team"})):
+    cut_off: list[bool] = []
+    for message in read_mcap(path, frozenset({"/events", "/team"}), cut_off=lambda: cut_off.append(True)):
         content = message.content
         if message.topic == "/events":
-            severity = _SEVERITIES.get(content["file"], int(mavlink.MAV_SEVERITY_INFO))
-            events.append(Event(message.time_s, severity, printable(content["name"]), printable(content["message"])))
+            severity = _SEVERITIES.get(str(content.get("file")), int(mavlink.MAV_SEVERITY_INFO))
+            source, text = (printable(str(content.get(key, ""))) for key in ("name", "message"))
+            events.append(Event(message.time_s, severity, source, text))
         elif content.get("phase"):
-            phases.append(PhaseMark(message.time_s, str(content["phase"]), content.get("time_left_s")))
-    return tuple(sorted(events, key=lambda event: event.time_s)) if events or phases else None, tuple(phases)
+            left_s = content.get("time_left_s")
+            known = left_s if isinstance(left_s, int | float) else None
+            phases.append(PhaseMark(message.time_s, str(content["phase"]), known))
+    if not events and not phases:
+        problems.append(f"{path.name} cannot be read: {lost}")
+        return None, ()
+    if cut_off:
+        last_s = max([event.time_s for event in events] + [mark.time_s for mark in phases])
+        until = time.strftime("%H:%M:%S", time.localtime(last_s))
+        problems.append(f"{path.name} is cut off or damaged: events and phases are known until {until}")
+    return tuple(sorted(events, key=lambda event: event.time_s)), tuple(phases)
 
 
-def _read_json(path: Path) -> dict[str, Any] | None:
+def _read_json(path: Path, problems: list[str]) -> dict[str, Any] | None:
     """What a JSON file says; None when it is missing or damaged."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except FileNotFoundError:
         return None
-    return content if isinstance(content, dict) else None
+    except (OSError, ValueError):
+        content = None
+    if not isinstance(content, dict):
+        problems.append(f"{path.name} is damaged")
+        return None
+    return content

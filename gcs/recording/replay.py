@@ -1,8 +1,8 @@
 """A recording as the ground saw it at any time of the flight. A core: no clock, no I/O.
 
 The frames go through the same :class:`~gcs.team.TeamMonitor` as in flight, in ticks of 0.1 s that are counted from the
-recording's start: the state at a tick depends on nothing but the frames before it, whichever way one got there. Going
-back begins at the nearest earlier checkpoint.
+recording's start: the state at a tick depends on nothing but the frames before it, whichever way one got there. Who
+reads ahead leaves checkpoints, and going anywhere begins at the nearest earlier one.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ class Replay:
         recording: What to read.
 
     Attributes:
+        recording: What is read.
         ticks: The last tick.
     """
 
@@ -49,18 +50,24 @@ class Replay:
         self._frame_times = [frame.time_s for frame in recording.frames]
         self._phase_times = [mark.time_s for mark in recording.phases]
         self._event_times = [event.time_s for event in recording.events or ()]
+        self._landing_s = recording.landing_since_s
         self._said: list[tuple[int, Event]] = []
         self._said_until = 0
         self._cursor = _Cursor(TeamMonitor(recording.scenario), 0, 0)
+        self._ahead = _Cursor(TeamMonitor(recording.scenario), 0, 0)
         # What the scenario owns never changes: checkpoints share it.
         self._shared = {id(part): part for part in (recording.scenario, recording.scenario.simulation)}
-        self._checkpoints: dict[int, _Cursor] = {}
-        self._keep_checkpoint()
+        self._checkpoints = {0: self._copy(self._cursor)}
 
     @property
     def tick(self) -> int:
         """Where it is."""
         return self._cursor.tick
+
+    @property
+    def read(self) -> int:
+        """The tick until which it has been read ahead."""
+        return self._ahead.tick
 
     @property
     def monitor(self) -> TeamMonitor:
@@ -89,10 +96,22 @@ class Replay:
 
     def step(self) -> None:
         """Be at the next tick."""
-        cursor = self._cursor
+        self._advance(self._cursor)
+
+    def read_ahead(self) -> None:
+        """Read one tick further than anybody has, so that going there is quick."""
+        self._advance(self._ahead)
+        if self._ahead.tick % _CHECKPOINT_TICKS == 0:
+            self._checkpoints[self._ahead.tick] = self._copy(self._ahead)
+
+    def state_ahead(self) -> TeamState:
+        """The team at the tick until which it has been read ahead."""
+        return self._ahead.monitor.state(self.time_of(self._ahead.tick))
+
+    def _advance(self, cursor: _Cursor) -> None:
         cursor.tick += 1
         now_s = self.time_of(cursor.tick)
-        landing_s = self.recording.landing_since_s
+        landing_s = self._landing_s
         if landing_s is not None and landing_s <= now_s:
             cursor.monitor.metrics.end_s = landing_s
         until = bisect.bisect_right(self._frame_times, now_s, lo=cursor.frame)
@@ -106,11 +125,10 @@ class Replay:
         cursor.frame = until
         cursor.monitor.advance(now_s)
         said = cursor.monitor.take_events()
-        if self.recording.events is None and cursor.tick > self._said_until:
+        if cursor.tick == self._said_until + 1:
             self._said_until = cursor.tick
-            self._said += [(cursor.tick, event) for event in said]
-        if cursor.tick % _CHECKPOINT_TICKS == 0 and cursor.tick not in self._checkpoints:
-            self._keep_checkpoint()
+            if self.recording.events is None:
+                self._said += [(cursor.tick, event) for event in said]
 
     def state(self) -> TeamState:
         """The team here."""
@@ -128,9 +146,6 @@ class Replay:
         first = bisect.bisect_right(self._event_times, self.time_of(after)) if after >= 0 else 0
         last = bisect.bisect_right(self._event_times, self.time_of(until)) if until < self.ticks else None
         return list(self.recording.events[first:last])
-
-    def _keep_checkpoint(self) -> None:
-        self._checkpoints[self.tick] = self._copy(self._cursor)
 
     def _copy(self, cursor: _Cursor) -> _Cursor:
         return _Cursor(copy.deepcopy(cursor.monitor, dict(self._shared)), cursor.tick, cursor.frame)

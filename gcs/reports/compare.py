@@ -48,7 +48,7 @@ def write_comparison(flights: Sequence[FlightSeries], path: Path) -> Path:
         problems=[
             f"{name}: {text}"
             for name, flight in zip(names, flights, strict=True)
-            for text in flight.summary["problems"]
+            for text in (*flight.summary["problems"], *flight.recording.problems)
         ],
         facts=[],
         tables=[Table("Flights", header, rows)],

@@ -16,6 +16,7 @@ from onboard.messages import FlightState, PeerPlan
 __all__ = ["FlightSeries", "PlanPoint", "VehicleSeries", "read_series"]
 
 _SAMPLE_TICKS = 5
+_PARTS = ("time_to_discover_s", "vehicles", "problems")
 _NAN = math.nan
 
 
@@ -142,9 +143,9 @@ def read_series(recording: Recording) -> FlightSeries:
 
 def _summary(recording: Recording, replay: Replay, start_s: float | None) -> dict[str, Any]:
     """The flight's own summary; worked out anew when it did not come to that."""
-    if recording.summary is not None:
-        return recording.summary
     end_s = recording.landing_since_s or recording.end_s
+    anew = "its figures are worked out from what was recorded"
+    missing = recording.summary is None
     facts = summary.FlightFacts(
         scenario=recording.scenario.name,
         version=str(recording.about.get("version", "unknown")),
@@ -153,9 +154,22 @@ def _summary(recording: Recording, replay: Replay, start_s: float | None) -> dic
         mission_end_s=end_s if start_s is not None and end_s >= start_s else None,
         cpu_cores=None,
         cpu_s={},
-        problems=("the flight has left no summary: its figures are worked out from what was recorded",),
+        problems=(f"the flight has left no summary{'' if missing else ' of this version'}: {anew}",),
     )
-    return summary.summarize(replay.monitor, facts, replay.time_of(replay.ticks))
+    worked_out = summary.summarize(replay.monitor, facts, replay.time_of(replay.ticks))
+    if recording.summary is not None and _says_as_much(recording.summary, worked_out):
+        return recording.summary
+    return worked_out
+
+
+def _says_as_much(own: dict[str, Any], expected: dict[str, Any]) -> bool:
+    """Whether a summary has what one of this version has."""
+    if not own.keys() >= expected.keys() or any(type(own[key]) is not type(expected[key]) for key in _PARTS):
+        return False
+    pairs = zip(own["vehicles"], expected["vehicles"], strict=False)
+    return len(own["vehicles"]) == len(expected["vehicles"]) and all(
+        isinstance(vehicle, dict) and vehicle.keys() >= known.keys() for vehicle, known in pairs
+    )
 
 
 def _add(series: FlightSeries, team: TeamState) -> None:

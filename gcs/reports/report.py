@@ -35,16 +35,17 @@ def write_report(flight: FlightSeries, path: Path) -> Path:
     ]
     started = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(flight.recording.start_s))
     seed = flight.summary["seed"]
-    commit = about.get("software", {}).get("commit")
+    software = about.get("software")
+    commit = str(software["commit"])[:12] if isinstance(software, dict) and "commit" in software else None
     parts = [
         f"{len(scenario.vehicles)} vehicles", started, f"version {flight.summary['version']}",
-        *([f"seed {seed}"] if seed is not None else []), *([f"commit {commit[:12]}"] if commit else []), flight.name,
+        *([f"seed {seed}"] if seed is not None else []), *([f"commit {commit}"] if commit else []), flight.name,
     ]  # fmt: skip
     page = Page(
         title=f"{scenario.name}: {started}",
         heading=f"Flight of {scenario.name}",
         subtitle=" · ".join(parts),
-        problems=flight.summary["problems"],
+        problems=[*flight.summary["problems"], *flight.recording.problems],
         facts=flight_facts(flight),
         tables=[Table("Vehicles", _VEHICLE_HEADER, _vehicle_rows(flight))],
         figures=draw_all(flight),

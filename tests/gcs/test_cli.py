@@ -177,3 +177,5 @@ def test_a_station_alone_watches_records_and_stops_on_ctrl_c(own_ports, tmp_path
     (folder,) = (tmp_path / "rec").iterdir()
     assert json.loads((folder / "flight.json").read_text())["scenario"] == "own-ports"
     assert (folder / "scenario.yaml").read_bytes() == own_ports.read_bytes()
+    summary = json.loads((folder / "summary.json").read_text())
+    assert (summary["mission_start_s"], [vehicle["id"] for vehicle in summary["vehicles"]]) == (None, [1, 2])

@@ -1,6 +1,7 @@
 """Replay: the ground's state at any time is what it was in flight, whichever way one gets there."""
 
 import os
+import re
 import shutil
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from gcs.dashboard.replay_board import ReplayBoard
 from gcs.errors import GroundError
 from gcs.operator_desk import OperatorDesk
 from gcs.recording.player import Player
-from gcs.recording.reader import open_recording
+from gcs.recording.reader import find_recording, open_recording
 from gcs.recording.recorder import MCAP_NAME, record_flight
 from gcs.recording.replay import TICK_S, Replay
 from gcs.recording.tlog import read_tlog
@@ -29,10 +30,12 @@ def recording(flown):
 
 
 class Clock:
-    def __init__(self):
+    def __init__(self, looking_takes_s=0.0):
         self.now_s = 1000.0
+        self.looking_takes_s = looking_takes_s
 
     def __call__(self):
+        self.now_s += self.looking_takes_s
         return self.now_s
 
 
@@ -79,6 +82,9 @@ def test_seeking_gives_the_state_that_playing_gives(recording):
         if played.tick in wanted:
             states[played.tick] = played.state()
     sought = Replay(recording)
+    while sought.read < sought.ticks:
+        sought.read_ahead()
+    same(sought.state_ahead(), states[sought.ticks])
     for tick in (155, 7, played.ticks, 100, 101, 99, 230, 1, played.ticks, 155):
         sought.go(tick)
         assert sought.tick == tick
@@ -141,6 +147,30 @@ def test_the_board_plays_pauses_seeks_and_is_the_same_either_way(recording, flow
     assert player.position_s == 0.0, "play at the end starts again"
 
 
+def test_a_long_way_is_read_bit_by_bit_and_once(recording):
+    clock = Clock(looking_takes_s=0.01)
+    player = Player(recording, clock=clock)
+    player.seek(player.duration_s)
+    shares = []
+    while not player.arrived:
+        assert player.position_s == 0.0 or player.reading is None, "stays until it can be there soon"
+        began_s = clock.now_s
+        player.advance()
+        assert clock.now_s - began_s <= 0.2
+        shares.append(1.0 if player.reading is None else player.reading)
+    assert shares == sorted(shares)
+    assert len(shares) > 10
+    assert 0.0 < shares[0] < 0.2
+    player.seek(5.0)
+    player.advance()
+    player.seek(player.duration_s)
+    calls = 0
+    while not player.arrived:
+        player.advance()
+        calls += 1
+    assert calls < 0.5 * len(shares)
+
+
 def test_a_recording_that_was_cut_off_replays_as_far_as_it_goes(flown, tmp_path):
     for path in flown.folder.iterdir():
         content = path.read_bytes()
@@ -200,6 +230,24 @@ def test_what_an_autopilot_passes_on_for_its_companion_is_in_its_own_log_and_no_
     assert counts == {"vehicle1_autopilot": 134, "vehicle1_onboard": 100}
 
 
+def test_what_is_damaged_is_said_and_the_rest_is_used(flown, tmp_path):
+    shutil.copytree(flown.folder, tmp_path, dirs_exist_ok=True)
+    assert open_recording(tmp_path).problems == ()
+    mcap = (flown.folder / MCAP_NAME).read_bytes()
+    (tmp_path / MCAP_NAME).write_bytes(mcap[: len(mcap) // 2])
+    (tmp_path / "summary.json").write_text('{"discovered": 5')
+    (tmp_path / "flight.json").write_text('{"software": 3}')
+    recording = open_recording(tmp_path)
+    assert 0 < len(recording.phases) < len(open_recording(flown.folder).phases)
+    first, second = recording.problems
+    assert re.match(r"flight.mcap is cut off or damaged: events and phases are known until \d\d:\d\d:\d\d$", first)
+    assert second == "summary.json is damaged"
+    (tmp_path / MCAP_NAME).write_bytes(b"no mcap at all")
+    recording = open_recording(tmp_path)
+    assert (recording.events, recording.phases) == (None, ())
+    assert recording.problems[0].startswith("flight.mcap cannot be read")
+
+
 @pytest.mark.parametrize(
     ("present", "words"),
     [((), "is no recording"), (("scenario.yaml",), "holds no .tlog file"), (None, "no such folder")],
@@ -221,3 +269,7 @@ def test_a_folder_of_recordings_names_the_latest(flown, tmp_path):
         os.utime(tmp_path / name / "scenario.yaml", (1e9 - age, 1e9 - age))
     with pytest.raises(GroundError, match=r"is no recording, but holds 2; the latest is .*/new$"):
         open_recording(tmp_path)
+    assert find_recording(tmp_path) == tmp_path / "new"
+    assert find_recording(tmp_path / "old") == tmp_path / "old"
+    with pytest.raises(GroundError, match="is a file; name the folder"):
+        open_recording(tmp_path / "old" / "scenario.yaml")

@@ -9,6 +9,7 @@ from gcs.recording.reader import open_recording
 from gcs.recording.tlog import read_tlog, stamped
 from gcs.reports.figures import FIGURES, draw_all
 from gcs.reports.flight_series import read_series
+from gcs.reports.report import write_report
 from onboard.messages import FlightState
 
 
@@ -60,6 +61,11 @@ def test_a_flight_without_end_has_figures_of_its_own_and_says_so(flown, tmp_path
     for key in ("rmse_m", "entropy_nats", "discovered", "time_to_discover_s", "vehicles"):
         assert series.summary[key] == flown.summary[key], key
     assert not math.isnan(series.summary["duration_s"])
+    (tmp_path / "summary.json").write_text('{"discovered": 5}')
+    (tmp_path / "flight.json").write_text('{"software": 3}')
+    series = read_series(open_recording(tmp_path))
+    assert "has left no summary of this version" in series.summary["problems"][0]
+    write_report(series, tmp_path / "report.html")
 
 
 def test_a_flight_that_ended_before_its_mission_has_no_mission_time(flown, tmp_path):

@@ -109,7 +109,11 @@ def test_the_commands_say_where_the_pages_are_and_what_is_wrong(flown, tmp_path)
     assert (result.exit_code, result.stderr) == (0, "")
     assert str(folder / "report.html") in result.stdout
     check_page(folder / "report.html", list(FIGURES))
-    for command in (("report", tmp_path), ("replay", tmp_path), ("compare", folder, tmp_path), ("compare", folder)):
+    result = CliRunner().invoke(app, ["report", str(tmp_path), "-o", str(tmp_path / "latest.html")])
+    assert result.exit_code == 0
+    assert f"Flight of {flown.scenario.name}" in (tmp_path / "latest.html").read_text()
+    (empty := tmp_path / "empty").mkdir()
+    for command in (("report", empty), ("replay", empty), ("compare", folder, tmp_path), ("compare", folder)):
         result = CliRunner().invoke(app, [*map(str, command)])
         assert result.exit_code == 2
         assert "recording" in result.stderr
