@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 
 from gcs.attention import Attention
-from gcs.commands import describe
+from gcs.commands import AUTOPILOT, describe
 from gcs.fleet import FleetOutcome, FleetProcess, Verdict
 from gcs.mission import UNHURRIED, MissionDirector
 from gcs.onboard_gate import OnboardGate
