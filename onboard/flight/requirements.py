@@ -64,7 +64,7 @@ class Needs:
 
 
 class Wanted(Protocol):
-    """A condition on a parameter's value."""
+    """A condition on a parameter's value, which may be anything that arrives: NaN and infinity fulfil none."""
 
     def holds(self, value: float) -> bool:
         """Whether a value fulfils it."""
@@ -93,13 +93,15 @@ class Within:
 
     def holds(self, value: float) -> bool:
         """Whether the value is in the range."""
+        if not math.isfinite(value):
+            return False
         # A parameter is a single; half a digit of that is no violation.
         slack = 1e-6 * max(abs(value), 1.0)
         return self.low - slack <= value <= self.high + slack or value == self.off
 
     def nearest(self, value: float) -> float:
-        """The nearer end, rounded inwards."""
-        if value < self.low:
+        """The nearer end, rounded inwards; the only one there is where one is open."""
+        if value < self.low or math.isinf(self.high):
             return min(math.ceil(self.low / self.step - 1e-9) * self.step, self.high)
         return max(math.floor(self.high / self.step + 1e-9) * self.step, self.low)
 
@@ -140,11 +142,11 @@ class Bits:
 
     def holds(self, value: float) -> bool:
         """Whether all are set."""
-        return int(value) & self.mask == self.mask
+        return math.isfinite(value) and int(value) & self.mask == self.mask
 
     def nearest(self, value: float) -> float:
         """The same with them set."""
-        return float(int(value) | self.mask)
+        return float(self.mask | (int(value) if math.isfinite(value) else 0))
 
     def __str__(self) -> str:
         return f"with bits {self.mask}"

@@ -156,6 +156,24 @@ def status_of(unit: Companion, time_s: float) -> mavlink.MAVLink_planner_status_
     return status
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_parameter_that_is_no_number_refuses_the_start_and_does_not_stop_the_stream(value: float) -> None:
+    unit = companion()
+    make_ready(unit)
+    unit.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    for name in PARAMETERS:
+        answer_parameter(unit, name, value, NOW)
+    for tick in range(1, 50):
+        unit.tick(NOW + 0.02 * tick)
+    sent = [m.get_type() for m in received(unit, LinkName.AUTOPILOT)]
+    assert sent.count("SET_POSITION_TARGET_LOCAL_NED") == 49
+    grounded = companion()
+    make_ready(grounded)
+    answer_parameter(grounded, "EKF2_EV_CTRL", value, NOW)
+    grounded.receive(LinkName.GROUND, GROUND.encode(start(NOW + 10)), NOW)
+    assert results(grounded) == [mavlink.MAV_RESULT_TEMPORARILY_REJECTED]
+
+
 def test_teammates_that_got_the_same_start_plan_together_whatever_its_fraction_of_a_second() -> None:
     """Step 0 comes to a robot in the ground's order and in its teammates' statuses, and must be the same number."""
     for micros in (0, 200_000, 400_000, 700_001):

@@ -1,5 +1,6 @@
 """What plans need of autopilots' parameters."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +36,13 @@ def test_a_condition_holds_or_not_and_knows_what_to_set(wanted: Wanted, good: fl
     assert not wanted.holds(bad)
     assert wanted.nearest(bad) == pytest.approx(mended)
     assert wanted.holds(wanted.nearest(bad)), "what is set must hold"
+
+
+@pytest.mark.parametrize("wanted", [Within(low=3.0), Within(high=3.0), Within(0.5, 5.0), OneOf((6.0,)), Bits(11)])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_fulfils_nothing_and_can_be_mended(wanted: Wanted, value: float) -> None:
+    assert not wanted.holds(value)
+    assert wanted.holds(wanted.nearest(value))
 
 
 def test_the_lab_needs_what_its_primitives_say() -> None:
