@@ -52,13 +52,23 @@ class Readiness:
         """Why a flight may not begin in a state, in words; empty if it may."""
         if state in _BUSY:
             return _BUSY[state]
+        if self._in_the_air and not self._ours:
+            return f"somebody else flies the vehicle, in {self._link.mode_name}"
         if lack := self._link.lacks(time_s):
             return f"the autopilot is not ready: {lack}"
         return self._watch.battery_refusal
 
     def may_rejoin(self, state: FlightState, time_s: float) -> bool:
         """Whether an idle process finds its vehicle in the air: in the guided mode or a failsafe that a stream ends."""
-        link, heard = self._link, self._link.heard
-        flies = link.alive(time_s) and heard.armed and heard.on_ground is False and link.has_position(time_s)
-        ours = heard.mode == link.behaviour.guided_mode or (heard.failsafe and link.behaviour.returns_from_failsafe)
-        return state in IDLE and flies and ours
+        known = self._link.alive(time_s) and self._link.has_position(time_s)
+        return state in IDLE and known and self._in_the_air and self._ours
+
+    @property
+    def _in_the_air(self) -> bool:
+        return self._link.heard.armed and self._link.heard.on_ground is False
+
+    @property
+    def _ours(self) -> bool:
+        """Whether whoever is in the air follows this stack's setpoints, or would if they came."""
+        heard, behaviour = self._link.heard, self._link.behaviour
+        return heard.mode == behaviour.guided_mode or (heard.failsafe and behaviour.returns_from_failsafe)

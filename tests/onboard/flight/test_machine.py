@@ -418,6 +418,23 @@ def test_a_vehicle_that_somebody_else_flies_or_that_stands_is_not_taken_up(chang
     assert anew.setpoints == []
 
 
+def test_a_vehicle_that_a_pilot_flies_is_not_started_until_it_has_landed(flight: Flight) -> None:
+    flight.until(lambda: flight.machine.state is FlightState.STANDBY)
+    standing = flight.mode
+    flight.mode = Px4Mode.POSCTL if flight.behaviour.name == "PX4" else CopterMode.LOITER
+    flight.armed, flight.position = True, [1.0, 2.0, -2.0]
+    flight.run(1.2)
+    refusal = flight.machine.start(flight.time_s)
+    assert refusal is not None
+    assert "somebody else flies the vehicle" in refusal.reason
+    flight.run(1.0)
+    assert flight.setpoints == []
+    assert flight.states[-1] in (FlightState.WAIT, FlightState.STANDBY)
+    flight.mode, flight.armed, flight.position = standing, False, [1.0, 2.0, 0.0]
+    flight.run(1.2)
+    assert flight.machine.start(flight.time_s) is None
+
+
 def test_ardupilot_gets_no_setpoint_before_its_takeoff_is_over() -> None:
     """A setpoint on the way up would end the takeoff, and NaN yaw would crash it."""
     flight = Flight("ardupilot")
