@@ -89,15 +89,21 @@ class Orders:
 
     def _obey(self, order: Command, mission_s: float | None, time_s: float) -> tuple[Refusal | None, float | None]:
         """Why not, and step 0 of the mission that begins."""
-        machine = self._machine
         match order.command:
             case mavlink.MAV_CMD_ARVI_START if isinstance(order, mavlink.MAVLink_command_int_message):
                 return self._start(read_start(order), mission_s, time_s)
             case mavlink.MAV_CMD_NAV_LAND:
-                return machine.land(time_s), None
+                return self._machine.land(time_s), None
             case mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
-                return machine.pause(time_s) if order.param1 == 0.0 else machine.resume(), None
+                return self._pause_or_resume(order.param1, time_s), None
         return Refusal(mavlink.MAV_RESULT_UNSUPPORTED, f"command {order.command} is unknown here"), None
+
+    def _pause_or_resume(self, which: float, time_s: float) -> Refusal | None:
+        if which == 0.0:
+            return self._machine.pause(time_s)
+        if which == 1.0:
+            return self._machine.resume()
+        return Refusal(mavlink.MAV_RESULT_DENIED, f"pause refused: param1 is {which:g}; 0 pauses, 1 continues")
 
     def _start(self, start_s: float, mission_s: float | None, time_s: float) -> tuple[Refusal | None, float | None]:
         state = self._machine.state

@@ -1,5 +1,7 @@
 """The ground's orders: which are obeyed, which are answered, and which mission begins then."""
 
+import math
+
 import pytest
 
 from onboard.config.flight import FlightConfig
@@ -123,6 +125,9 @@ def test_pause_resume_and_land_reach_the_flight_states() -> None:
     vehicle.ordered(start(NOW - 30.0))
     assert vehicle.machine.wants_plans
     assert vehicle.result(pause) == ACCEPTED
+    assert not vehicle.machine.wants_plans
+    for neither in (2.0, math.nan):
+        assert vehicle.result(order(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, neither)) == DENIED
     assert not vehicle.machine.wants_plans
     assert vehicle.result(resume) == ACCEPTED
     assert vehicle.machine.wants_plans
