@@ -188,15 +188,17 @@ class Companion:
         setpoint = self.machine.tick(time_s, may_descend=may_descend, reported=self._worries(time_s))
         if setpoint is None:
             self._last_setpoint_s = None
+            self._last_resort.rest()
         else:
             self._count_setpoint(time_s)
             sent = self._kept_off(setpoint, time_s)
             self.autopilot.stream(sent, time_s, self._boot_s)
             self._whereabouts.ask(sent)
+        airborne = self.machine.state in AIRBORNE
         for message in self.autopilot.poll(time_s):
             self._links.send(message, LinkName.AUTOPILOT)
         if self._mission is not None:
-            poses = self.autopilot.poses if self.machine.state in AIRBORNE else None
+            poses = self.autopilot.poses if airborne else None
             for message, links in self._mission.step(time_s, poses):
                 self._links.send(message, *links)
         question = self._clocks.request(len(self._hearing.within(PEER_SILENCE_S, time_s)), time_s)
@@ -207,7 +209,7 @@ class Companion:
         if self._status_timer.due(time_s):
             self._near_status_timer.restart(time_s)
             self._status(time_s)
-        elif self._last_resort.near and self._near_status_timer.due(time_s):
+        elif airborne and self._last_resort.near and self._near_status_timer.due(time_s):
             self._links.send(self._status_message(time_s), LinkName.PEERS)
         self._report()
 
@@ -237,11 +239,9 @@ class Companion:
 
     def _kept_off(self, setpoint: Setpoint, time_s: float) -> Setpoint:
         """What is streamed: the flight states' wish, off teammates and inside the fence."""
-        pose, position = self.autopilot.pose(), self.autopilot.position
-        known = position is not None and self.autopilot.has_position(time_s) and not self.machine.blind
-        if self._mission is None or position is None or not known:
-            return setpoint
-        return self._last_resort.filter(setpoint, time_s, pose, position[2])
+        known = self.autopilot.has_position(time_s) and not self.machine.blind
+        pose = self.autopilot.pose() if known else None
+        return self._last_resort.filter(setpoint, time_s, pose, self.autopilot.down_m)
 
     def outbox(self) -> list[tuple[LinkName, bytes]]:
         """Frames to send, in order, with their links."""

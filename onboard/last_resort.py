@@ -40,7 +40,8 @@ class LastResort:
         hearing: What was heard of the others.
 
     Attributes:
-        near: Whether a teammate is so near that it should hear more often where this robot is.
+        near: Whether a teammate was so near, when a setpoint was filtered last, that it should hear more often where
+            this robot is while that is in the air.
         strays: Teammates that nobody flies, or that land.
         dangers: What the setpoint was bent for last, with details in words (none).
     """
@@ -87,6 +88,7 @@ class LastResort:
             down_m: Its height, NED, m: who is well above or below is out of the way.
         """
         if not self._enabled or place is None:
+            self.rest()
             return setpoint
         here = (place.north_m, place.east_m)
         obstructions = self.obstructions(time_s, here, down_m)
@@ -96,6 +98,10 @@ class LastResort:
         filtered = self._guard.filter(setpoint, here, obstructions)
         self.dangers = self._dangers(setpoint, filtered, here)
         return filtered
+
+    def rest(self) -> None:
+        """No setpoint is bent now."""
+        self.dangers = {}
 
     def obstructions(self, time_s: float, here: Point, down_m: float) -> list[Obstruction]:
         """Whom to keep off at a UNIX time, and by how much: strays in all layers, others in this one."""

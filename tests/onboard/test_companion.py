@@ -156,6 +156,44 @@ def status_of(unit: Companion, time_s: float) -> mavlink.MAVLink_planner_status_
     return status
 
 
+def test_near_a_teammate_it_says_more_often_where_it_is_while_it_is_in_the_air() -> None:
+    unit = companion()
+    make_ready(unit)
+
+    def statuses_in(seconds: float, from_s: float, *, flies: bool) -> int:
+        """That its teammates get, while its autopilot says that it flies, or stands, and teammate 2 flies beside it."""
+        unit.outbox()
+        for tick in range(round(50 * seconds)):
+            now_s = NOW + from_s + 0.02 * tick
+            boot_ms = 60_000 + round(1e3 * (now_s - NOW))
+            said = [mavlink.MAVLink_local_position_ned_message(boot_ms, 1.0, 2.8, -1.0 * flies, 0.0, 0.0, 0.0)]
+            said += [mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0)]
+            if tick % 25 == 0:
+                mode, armed, landed = (0x00060000, 128, 2) if flies else (0x03040000, 0, 1)
+                said += [mavlink.MAVLink_heartbeat_message(2, 12, armed, mode, 4, 3)]
+                said += [mavlink.MAVLink_extended_sys_state_message(0, landed)]
+                unit.receive(LinkName.PEERS, beside(now_s), now_s)
+            for message in said:
+                unit.receive(LinkName.AUTOPILOT, AUTOPILOT.encode(message), now_s)
+            if tick == 25 and flies and from_s == 0.0:
+                unit.receive(LinkName.GROUND, GROUND.encode(start(NOW - 10)), now_s)
+            unit.tick(now_s)
+        return sum(m.get_type() == "PLANNER_STATUS" for m in received(unit, LinkName.PEERS))
+
+    def beside(time_s: float) -> bytes:
+        status.time_usec = round(time_s * 1e6)
+        return Codec(2, COMPONENT).encode(status)
+
+    status = status_of(companion(), NOW)
+    status.state, status.north, status.east, status.down, status.yaw = FlightState.HOLD, 1.0, 4.2, -1.0, 0.0
+    status.velocity_north = status.velocity_east = 0.0
+    statuses_in(2.0, 0.0, flies=True)
+    assert unit.machine.state is FlightState.HOLD
+    assert statuses_in(2.0, 2.0, flies=True) == 20
+    assert statuses_in(2.0, 4.0, flies=False) <= 5
+    assert statuses_in(2.0, 6.0, flies=False) == 4
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_parameter_that_is_no_number_refuses_the_start_and_does_not_stop_the_stream(value: float) -> None:
     unit = companion()

@@ -88,6 +88,9 @@ def test_what_it_bends_a_setpoint_for_is_seen_while_it_does() -> None:
     assert resort.dangers == {}
 
 
-def test_without_a_position_nothing_is_changed() -> None:
-    wanted = setpoint(1.0, 0.0)
-    assert unit(STATUS).filter(wanted, NOW, None, -1.0) is wanted
+def test_without_a_position_nothing_is_changed_and_no_danger_is_told() -> None:
+    wanted, resort = setpoint(1.0, 0.0), unit(STATUS)
+    resort.filter(wanted, NOW, Pose(1.2, 4.0, 0.0), -1.0)
+    assert resort.dangers
+    assert resort.filter(wanted, NOW, None, -1.0) is wanted
+    assert resort.dangers == {}
