@@ -71,7 +71,7 @@ class Hearing:
             peer.moved_s = time_s
         if not status.adrift:
             peer.adrift_s = None
-        elif peer.adrift_s is None:
+        elif peer.adrift_s is None or status.time_s < peer.adrift_s:  # a clock that was set back begins anew
             peer.adrift_s = status.time_s
         peer.status = status
         peer.apart_m = math.inf if then is None else math.dist(status.position, (then.north_m, then.east_m, down_m))

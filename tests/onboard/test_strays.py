@@ -106,6 +106,9 @@ def test_one_that_is_adrift_is_taken_to_be_farther_off_the_longer_it_may_be_blin
         (stray,) = resort.lying
         unsure_m.append(stray.unsure_m)
     assert unsure_m == pytest.approx([GUARD.drift_m + off_m for off_m in (0.1, 0.4, 0.5)])
+    set_back = dataclasses.replace(adrift, time_s=NOW - 30.0)  # a clock, its own or ours
+    hearing.receive_status(set_back, None, BELOW_M, NOW - 30.0)
+    assert [stray.unsure_m for stray in resort.lying] == pytest.approx([GUARD.drift_m]), "no nearer than at first"
     well = dataclasses.replace(adrift, adrift=False, time_s=NOW + 31.0)
     hearing.receive_status(well, None, BELOW_M, NOW + 31.0)
     assert resort.lying == []
