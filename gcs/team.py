@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gcs.attention import Hole, Listening
 from gcs.commands import AUTOPILOT, ONBOARD
@@ -93,7 +93,7 @@ class Event:
     severity: int
     source: str
     text: str
-    spoken: bool = False
+    spoken: bool = field(default=False, compare=False)  # how it came here; a recording does not keep it
 
 
 @dataclass(frozen=True, slots=True)
