@@ -10,8 +10,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from onboard.flight.failsafes import RULES, Condition
-from sim_bridge.reliability.cases import PX4_CASES, SILENT_FENCE_M, Case, Expected
+from sim_bridge.reliability.case import Case, Expected
 from sim_bridge.reliability.phases import Phase
+from sim_bridge.reliability.px4_cases import LINK_LOST_S, PX4_CASES, SILENT_FENCE_M
 from sim_bridge.reliability.reactions import (
     CARRIES_ON,
     COMES_TO_REST,
@@ -30,11 +31,8 @@ _PHASES = (Phase.TRACKING, Phase.RETURNING, Phase.LANDING)
 _RESTS = Expected(COMES_TO_REST, 3.0, fence_m=SILENT_FENCE_M, ground_lands=True)
 """GUID_TIMEOUT, and what braking takes."""
 
-_LINK_LOST_S = 5.7
-"""4.5 s after the last heartbeat, which was up to 1 s old."""
-
 _LINK_LOST = says("autopilot link lost")
-_LINK_OFF = replace(_RESTS, reaction=all_of(COMES_TO_REST, _LINK_LOST), deadline_s=_LINK_LOST_S)
+_LINK_OFF = replace(_RESTS, reaction=all_of(COMES_TO_REST, _LINK_LOST), deadline_s=LINK_LOST_S)
 _BACK = Expected(FLIES_IN_THE_END, fence_m=SILENT_FENCE_M)
 _LANDS_ALONE = Expected(SAFE_ALONE, 1.2)
 """It lands already, as its next heartbeat says."""
@@ -106,8 +104,8 @@ COPTER_CASES = (
     _otherwise(
         "autopilot link: off for 7 s",
         {
-            Phase.TRACKING: Expected(all_of(CARRIES_ON, _LINK_LOST), _LINK_LOST_S, fence_m=SILENT_FENCE_M),
-            Phase.RETURNING: Expected(_LINK_LOST, _LINK_LOST_S, fence_m=SILENT_FENCE_M),
+            Phase.TRACKING: Expected(all_of(CARRIES_ON, _LINK_LOST), LINK_LOST_S, fence_m=SILENT_FENCE_M),
+            Phase.RETURNING: Expected(_LINK_LOST, LINK_LOST_S, fence_m=SILENT_FENCE_M),
         },
     ),
     _otherwise(

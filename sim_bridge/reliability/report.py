@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from onboard.flight.failsafes import RULES
-from sim_bridge.reliability.cases import SEPARATION_M, Case
+from sim_bridge.reliability.case import SEPARATION_M, Case
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.suite import ANYTIME, CASES
 from sim_bridge.reliability.verdict import Outcome

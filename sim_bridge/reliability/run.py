@@ -21,7 +21,7 @@ from multiprocessing.sharedctypes import Synchronized
 from onboard.config import Scenario
 from onboard.planning.warmup import warm_kernels
 from sim_bridge.autopilot.firmwares import FIRMWARES, Firmware
-from sim_bridge.reliability.cases import Case
+from sim_bridge.reliability.case import Case
 from sim_bridge.reliability.flight import Flight, NotReachedError
 from sim_bridge.reliability.phases import ORDINARY, Phase
 from sim_bridge.reliability.suite import ANYTIME, CASES, REPRESENTATIVE

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from sim_bridge.reliability.cases import ANYTIME, PX4_CASES
 from sim_bridge.reliability.copter_cases import COPTER_CASES
 from sim_bridge.reliability.phases import Phase
+from sim_bridge.reliability.px4_cases import ANYTIME, PX4_CASES
 
 __all__ = ["ANYTIME", "CASES", "REPRESENTATIVE"]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from onboard.config import Scenario
 from onboard.config.polygon import contains
-from sim_bridge.reliability.cases import SEPARATION_M, Case, Expected
+from sim_bridge.reliability.case import SEPARATION_M, Case, Expected
 from sim_bridge.reliability.flight import Flight
 from sim_bridge.reliability.phases import HELD, Phase
 from sim_bridge.reliability.reactions import Evidence, disturbance

@@ -19,7 +19,7 @@ from onboard.planning.primitives import Primitive
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
 from sim_bridge.autopilot.links import GCS, ONBOARD
-from sim_bridge.reliability.cases import Case, Expected, Gap
+from sim_bridge.reliability.case import Case, Expected, Gap
 from sim_bridge.reliability.flight import SAMPLE_S, VICTIM, Flight, Heartbeat, Said, Sample, Told
 from sim_bridge.reliability.phases import Phase
 from sim_bridge.reliability.reactions import (

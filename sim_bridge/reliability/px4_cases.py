@@ -1,14 +1,12 @@
-"""The table: which fault in which phase asks for which reaction, and by when; flown with PX4 unless a row says so."""
+"""The table: which fault in which phase asks for which reaction, and by when; flown with PX4."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from onboard.config.faults import Component, FaultConfig, FaultType
 from onboard.flight.failsafes import RULES, Condition
-from sim_bridge.autopilot.firmwares import Firmware
+from sim_bridge.reliability.case import FENCE_M, Case, Expected
 from sim_bridge.reliability.flight import SAMPLE_S, VICTIM
 from sim_bridge.reliability.phases import AIR, ORDINARY, Phase
 from sim_bridge.reliability.reactions import (
@@ -20,7 +18,6 @@ from sim_bridge.reliability.reactions import (
     LANDS_HERE,
     SAFE_ALONE,
     STAYS_DOWN,
-    Reaction,
     all_of,
     others_say,
     reacts_to,
@@ -29,79 +26,7 @@ from sim_bridge.reliability.reactions import (
     within,
 )
 
-__all__ = ["ANYTIME", "FENCE_M", "PX4_CASES", "SEPARATION_M", "SILENT_FENCE_M", "Case", "Expected", "Gap"]
-
-FENCE_M = 0.3
-"""How far outside the fence a vehicle may be: plans keep inside, tracking errors do not."""
-
-SEPARATION_M = 0.5
-"""The smallest distance in three dimensions: layers are 0.7 m apart in the lab, and vehicles bob."""
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """Something that the stack does not do yet.
-
-    Attributes:
-        text: What, in words.
-        excuses: Regular expression: failures that it explains; any other one counts.
-    """
-
-    text: str
-    excuses: str
-
-    def explains(self, failures: Iterable[str]) -> bool:
-        """Whether all of these failures are because of it."""
-        return all(re.search(self.excuses, failure) for failure in failures)
-
-
-@dataclass(frozen=True, slots=True)
-class Expected:
-    """What is expected in a phase.
-
-    Attributes:
-        reaction: What.
-        deadline_s: By when after the fault's beginning, s.
-        fence_m: How far outside the fence the vehicle may come, m.
-        others: Whether all other vehicles carry on.
-        ground_lands: Whether the ground may have to land a vehicle by its autopilot, past its onboard process.
-        gap: What is missing in the stack for it; None when it holds.
-    """
-
-    reaction: Reaction = CARRIES_ON
-    deadline_s: float = 0.0
-    fence_m: float = FENCE_M
-    others: bool = True
-    ground_lands: bool = False
-    gap: Gap | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """A row of the table.
-
-    Attributes:
-        name: The fault in words.
-        fault: What goes wrong, from when it is injected on.
-        expected: By phase; phases that are left out are not flown.
-        autopilot: What all vehicles are flown by.
-    """
-
-    name: str
-    fault: FaultConfig
-    expected: Mapping[Phase, Expected]
-    autopilot: Firmware = "px4"
-
-    def happening_to(self, vehicle_id: int) -> Case:
-        """The same fault of one vehicle."""
-        fault = self.fault.model_copy(update={"vehicles": (vehicle_id,)})
-        return replace(self, fault=fault)
-
-    @property
-    def length_s(self) -> float | None:
-        """How long the fault lasts, s; None for good."""
-        return self.fault.until_s
-
+__all__ = ["ANYTIME", "LINK_LOST_S", "PX4_CASES", "SILENT_FENCE_M"]
 
 _C, _T = Component, FaultType
 _ALL: tuple[int, ...] = ()
@@ -274,8 +199,10 @@ _MOCAP = (
     Case("mocap: half lost", _fault(_C.MOCAP, _T.INTERMITTENT, _ONE, 4.0), _EVERYWHERE),
 )
 
-_NO_LINK = Expected(all_of(FAILS_SAFE, says("autopilot link lost")), 5.7, fence_m=SILENT_FENCE_M)
+LINK_LOST_S = 5.7
 """4.5 s after the last heartbeat, which was up to 1 s old."""
+
+_NO_LINK = Expected(all_of(FAILS_SAFE, says("autopilot link lost")), LINK_LOST_S, fence_m=SILENT_FENCE_M)
 
 _LATE_FENCE_M = 0.9
 """0.6 s pass until what is seen is answered: as much farther as a plan flies meanwhile, at 1 m/s."""
