@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from gcs.errors import GroundError
+from gcs.recording.tlog import read_tlog
 from gcs.target_truth import TargetTruths
 from onboard.clock import MissionClock
 from onboard.config import Scenario
@@ -24,7 +24,6 @@ __all__ = ["FlightRecord", "read_recording"]
 _WANTED = frozenset(
     {mavlink.MAVLINK_MSG_ID_TARGET_BELIEF, mavlink.MAVLINK_MSG_ID_TARGET_TRUTH, mavlink.MAVLINK_MSG_ID_ARVI_PLAN}
 )
-_STAMP = struct.Struct(">Q")
 _BRIDGE_LOG = "bridge.tlog"
 
 
@@ -120,20 +119,10 @@ def read_recording(folder: Path, scenario: Scenario, start_s: float, steps: int)
     logs = [folder / _BRIDGE_LOG, *(folder / f"vehicle{vehicle.id}_onboard.tlog" for vehicle in scenario.vehicles)]
     for log in logs:
         try:
-            data = log.read_bytes()
+            for _, frame in read_tlog(log):
+                if message_id(frame) in _WANTED:
+                    for message in codec.decode(frame):
+                        record.receive(message)
         except OSError as error:
             raise GroundError(f"{log}: cannot be read: {error.strerror or error}") from None
-        for frame in _frames(data):
-            if message_id(frame) in _WANTED:
-                for message in codec.decode(frame):
-                    record.receive(message)
     return record
-
-
-def _frames(log: bytes) -> Iterator[bytes]:
-    """The MAVLink 2 frames of a ``.tlog`` that was written to its end; see :mod:`gcs.recorder`."""
-    position = _STAMP.size
-    while position + mavlink.HEADER_LEN_V2 < len(log):
-        length = mavlink.HEADER_LEN_V2 + log[position + 1] + 2
-        yield log[position : position + length]
-        position += length + _STAMP.size

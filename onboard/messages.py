@@ -1,6 +1,7 @@
 """What travels between robots and inside one: plain values in mission time, before and after MAVLink.
 
-Steps count from the mission's start in units of τ. ``onboard.protocol.codec`` turns these into messages and back.
+Steps count from the start of the mission in units of τ. ``onboard.protocol.team_messages`` makes messages of these, and
+back.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from onboard.estimation.target_models import TargetModel
 from onboard.geometry import Pose
 
-__all__ = ["Belief", "Detection", "ExploredTile", "FlightState", "PeerPlan", "PeerStatus"]
+__all__ = ["Belief", "Detection", "ExploredTile", "FlightState", "LostTeammate", "PeerPlan", "PeerStatus"]
 
 
 class FlightState(IntEnum):
