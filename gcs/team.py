@@ -29,7 +29,7 @@ from onboard.protocol.team_messages import (
     read_tile,
 )
 
-__all__ = ["SOON_REPLACED", "Event", "TeamMonitor", "TeamState"]
+__all__ = ["SOON_REPLACED", "Event", "Places", "TeamMonitor", "TeamState"]
 
 _WANTED = frozenset(
     {
@@ -96,6 +96,10 @@ class Event:
     spoken: bool = field(default=False, compare=False)  # how it came here; a recording does not keep it
 
 
+Places = tuple[tuple[int, float, float], ...]
+"""System id, north m and east m of the vehicles that say where they are."""
+
+
 @dataclass(frozen=True, slots=True)
 class TeamState:
     """The team at one moment.
@@ -126,6 +130,15 @@ class TeamState:
     def discovered(self) -> int:
         """How many targets somebody has seen."""
         return sum(target.discovered_s is not None for target in self.targets)
+
+    @property
+    def places(self) -> Places:
+        """Where vehicles say that they are, be it true or not."""
+        return tuple(
+            (vehicle.id, vehicle.north_m, vehicle.east_m)
+            for vehicle in self.vehicles
+            if vehicle.north_m is not None and vehicle.east_m is not None
+        )
 
     def vehicle(self, vehicle_id: int) -> VehicleState:
         """The vehicle with this system id."""

@@ -7,7 +7,18 @@ from collections.abc import Callable, Iterable
 from datetime import datetime
 from typing import Any
 
-from bokeh.models import ColumnDataSource, DataRange1d, DatetimeTickFormatter, HoverTool, Line, Range1d, Span, Text
+from bokeh.events import DoubleTap
+from bokeh.models import (
+    ColumnDataSource,
+    CustomJS,
+    DataRange1d,
+    DatetimeTickFormatter,
+    HoverTool,
+    Line,
+    Range1d,
+    Span,
+    Text,
+)
 from bokeh.plotting import figure
 
 from gcs.dashboard.history import ROWS, FlightHistory
@@ -105,18 +116,17 @@ class Charts:
             x_axis_type="datetime",
             x_range=self._x_range,
             sizing_mode="stretch_both",
-            tools="xpan,xwheel_zoom,reset",
-            active_scroll=None,
+            tools="xpan,xwheel_zoom",
+            active_scroll="xwheel_zoom",
             active_drag="xpan",
+            toolbar_location=None,
             min_border=1,
             min_border_left=_LEFT_BORDER,
             min_border_right=6,
             min_border_bottom=6,
             lod_threshold=None,
         )
-        plot.toolbar.logo = None
-        plot.toolbar.autohide = True
-        plot.toolbar_inner = True
+        plot.js_on_event(DoubleTap, CustomJS(args={"plot": plot}, code="plot.reset.emit()"))
         plot.title.text_font_size = "11px"
         plot.title.standoff = 2
         plot.title.offset = -_LEFT_BORDER + 6

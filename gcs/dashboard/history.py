@@ -8,17 +8,18 @@ from collections.abc import Sequence
 
 from gcs.dashboard.view import Columns, MapBounds
 from gcs.dashboard.wording import SILENT_S
-from gcs.team import Event, TeamState
+from gcs.team import Event, Places, TeamState
 from gcs.vehicle_state import VehicleState
 
-__all__ = ["ROWS", "EventLog", "FlightHistory"]
+__all__ = ["ROWS", "TRAIL_S", "EventLog", "FlightHistory"]
 
 ROWS = 1200
 """Samples that are kept: ten minutes."""
 
 _PERIOD_S = 0.5
-_TRAIL_S = 20.0
+TRAIL_S = 20.0
 _TRAIL_PERIOD_S = 0.2
+"""A replay has places as often: :data:`~gcs.recording.player.PLACE_TICKS`."""
 _SLACK_S = 0.05
 """Moments come when they come: one that is early by this much is taken."""
 
@@ -47,11 +48,15 @@ class FlightHistory:
         self._next_s = -math.inf
         self._next_place_s = -math.inf
 
-    def add(self, team: TeamState) -> bool:
-        """Take a sample if one is due; whether it was."""
-        self._add_places(team)
+    def add(self, team: TeamState) -> None:
+        """Take what is due: places for the trails, figures for the charts."""
+        self.add_places(team.time_s, team.places)
+        self.add_figures(team)
+
+    def add_figures(self, team: TeamState) -> None:
+        """Take figures for the charts if they are due."""
         if team.time_s < self._next_s:
-            return False
+            return
         self._next_s = team.time_s + _PERIOD_S - _SLACK_S
         self.serial += 1
         row = {
@@ -66,7 +71,18 @@ class FlightHistory:
         for vehicle in team.vehicles:
             row |= _vehicle_row(vehicle)
         self._rows.append(row)
-        return True
+
+    def add_places(self, time_s: float, places: Places) -> None:
+        """Take places at a UNIX time if they are due; what cannot be true leaves no trail."""
+        if time_s < self._next_place_s:
+            return
+        self._next_place_s = time_s + _TRAIL_PERIOD_S - _SLACK_S
+        for trail in self._trails.values():
+            while trail and trail[0][0] <= time_s - TRAIL_S:
+                trail.popleft()
+        for vehicle_id, north_m, east_m in places:
+            if self._bounds.plausible(north_m, east_m):
+                self._trails[vehicle_id].append((time_s, _rounded(east_m), _rounded(north_m)))
 
     def restart(self) -> None:
         """Forget everything."""
@@ -97,17 +113,6 @@ class FlightHistory:
             "xs": [[east_m for _, east_m, _ in trail] for trail in trails],
             "ys": [[north_m for _, _, north_m in trail] for trail in trails],
         }
-
-    def _add_places(self, team: TeamState) -> None:
-        if team.time_s < self._next_place_s:
-            return
-        self._next_place_s = team.time_s + _TRAIL_PERIOD_S - _SLACK_S
-        for vehicle in team.vehicles:
-            trail = self._trails[vehicle.id]
-            while trail and trail[0][0] <= team.time_s - _TRAIL_S:
-                trail.popleft()
-            if self._bounds.plausible(vehicle.north_m, vehicle.east_m):
-                trail.append((team.time_s, _rounded(vehicle.east_m), _rounded(vehicle.north_m)))
 
 
 class EventLog:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from gcs.dashboard.board import Board, DashboardFeed, Moment
-from gcs.dashboard.history import ROWS
-from gcs.recording.player import SAMPLE_TICKS, Player
+from gcs.dashboard.history import ROWS, TRAIL_S
+from gcs.recording.player import PLACE_TICKS, SAMPLE_TICKS, Player
+from gcs.recording.replay import TICK_S
 
 __all__ = ["ReplayBoard"]
 
@@ -37,11 +38,17 @@ class ReplayBoard(Board):
             self._tick = -1
             self.history.restart()
             self.events.restart()
-        first = max(self._tick + 1, tick - SAMPLE_TICKS * ROWS)
-        for sample in range(first + -first % SAMPLE_TICKS, tick + 1, SAMPLE_TICKS):
-            self.history.add(player.samples[sample])
+        for sample in _multiples(SAMPLE_TICKS, max(self._tick + 1, tick - SAMPLE_TICKS * ROWS), tick):
+            self.history.add_figures(player.samples[sample])
+        for sample in _multiples(PLACE_TICKS, max(self._tick + 1, tick - round(TRAIL_S / TICK_S)), tick):
+            self.history.add_places(player.replay.time_of(sample), player.places[sample])
         for event in player.replay.events(self._tick, tick):
             self.events.add(event)
         self._tick = tick
         mark = player.replay.phase()
         self.show(Moment(player.replay.state(), f"replay: {mark.phase}", mark.time_left_s, ()))
+
+
+def _multiples(of: int, first: int, last: int) -> range:
+    """From the first that is not before ``first`` to the last that is not after ``last``."""
+    return range(first + -first % of, last + 1, of)

@@ -7,9 +7,12 @@ from collections.abc import Callable
 
 from gcs.recording.reader import Recording
 from gcs.recording.replay import TICK_S, Replay
-from gcs.team import TeamState
+from gcs.team import Places, TeamState
 
-__all__ = ["SAMPLE_TICKS", "Player"]
+__all__ = ["PLACE_TICKS", "SAMPLE_TICKS", "Player"]
+
+PLACE_TICKS = 2
+"""The trails get a place five times a second of the flight, as in flight."""
 
 SAMPLE_TICKS = 5
 """The charts get a sample twice a second of the flight, as in flight."""
@@ -32,6 +35,7 @@ class Player:
     Attributes:
         replay: Where it is.
         samples: The team at every fifth tick that has been read, by the tick.
+        places: Where vehicles were at every second tick that has been read, by the tick.
         speed: Seconds of the flight in one second.
         playing: Whether time passes; not before somebody looks.
         jumps: How often it has gone back or ahead at one stroke.
@@ -40,6 +44,7 @@ class Player:
     def __init__(self, recording: Recording, speed: float = 1.0, clock: Callable[[], float] = time.monotonic) -> None:
         self.replay = Replay(recording)
         self.samples: dict[int, TeamState] = {0: self.replay.state()}
+        self.places: dict[int, Places] = {0: self.samples[0].places}
         self.speed = speed
         self.playing = False
         self.jumps = 0
@@ -110,5 +115,10 @@ class Player:
 
     def _read_ahead(self) -> None:
         self.replay.read_ahead()
-        if self.replay.read % SAMPLE_TICKS == 0:
-            self.samples[self.replay.read] = self.replay.state_ahead()
+        tick = self.replay.read
+        if tick % SAMPLE_TICKS == 0 or tick % PLACE_TICKS == 0:
+            state = self.replay.state_ahead()
+            if tick % SAMPLE_TICKS == 0:
+                self.samples[tick] = state
+            if tick % PLACE_TICKS == 0:
+                self.places[tick] = state.places
