@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from onboard.flight.events import Refusal
 from onboard.flight.machine import FlightMachine
-from onboard.flight.states import AIRBORNE
+from onboard.flight.states import AIRBORNE, IDLE
 from onboard.messages import FlightState, PeerStatus
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import BROADCAST
@@ -107,7 +107,7 @@ class Orders:
 
     def _start(self, start_s: float, mission_s: float | None, time_s: float) -> tuple[Refusal | None, float | None]:
         state = self._machine.state
-        if start_s == mission_s and state is not FlightState.LANDED:
+        if start_s == mission_s and state not in (FlightState.LANDED, *IDLE):
             return self._machine.start(time_s), None
         if state in (FlightState.ARM, *AIRBORNE):
             return _denied("another mission is being flown"), None

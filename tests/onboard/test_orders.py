@@ -40,25 +40,35 @@ class Vehicle:
     """Flight states whose PX4 stands ready, or flies."""
 
     def __init__(self, *, flies: bool = False) -> None:
-        link = AutopilotLink(1, timeout_s=4.5)
+        self.link = link = AutopilotLink(1, timeout_s=4.5)
         vehicle = VehicleConfig.model_validate({"id": 1, "home": (1.0, 2.8), "layer_m": 1.5})
         self.machine = FlightMachine(FlightConfig(), vehicle, link)
         self.orders = Orders(1, 191, GROUND[0], self.machine)
         self.mission_s: float | None = None
-        mode, flags, landed = (Px4Mode.OFFBOARD, 128, 2) if flies else (Px4Mode.LOITER, 0, 1)
+        if flies:
+            self._says(Px4Mode.OFFBOARD, NOW, flies=True)
+        else:
+            self.stands_ready(NOW)
+
+    def stands_ready(self, time_s: float) -> None:
+        self._says(Px4Mode.LOITER, time_s, flies=False)
+        self.machine.tick(time_s, may_descend=True)
+        assert self.machine.state is FlightState.STANDBY
+
+    def _says(self, mode: Px4Mode, time_s: float, *, flies: bool) -> None:
+        """What a PX4 tells of itself."""
+        boot_ms = 60_000 + round(1e3 * (time_s - NOW))
+        flags, landed = (128, 2) if flies else (0, 1)
         for message in (
             mavlink.MAVLink_heartbeat_message(2, 12, flags, int(mode), 4, 3),
             mavlink.MAVLink_extended_sys_state_message(0, landed),
             mavlink.MAVLink_sys_status_message(
                 0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0
             ),
-            mavlink.MAVLink_local_position_ned_message(60_000, 1.0, 2.8, -1.5 * flies, 0.0, 0.0, 0.0),
-            mavlink.MAVLink_attitude_message(60_000, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
+            mavlink.MAVLink_local_position_ned_message(boot_ms, 1.0, 2.8, -1.5 * flies, 0.0, 0.0, 0.0),
+            mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0),
         ):
-            link.receive(heard(message, (1, 1)), NOW)
-        if not flies:
-            self.machine.tick(NOW, may_descend=True)
-            assert self.machine.state is FlightState.STANDBY
+            self.link.receive(heard(message, (1, 1)), time_s)
 
     def ordered(self, message: mavlink.MAVLink_message, time_s: float = NOW) -> Answer | None:
         """What comes of it; a mission that begins has begun."""
@@ -86,6 +96,23 @@ def test_a_start_begins_its_mission_once_and_another_one_is_denied() -> None:
     assert again is not None
     assert (again.acknowledgement.result, again.begins_s) == (ACCEPTED, None)
     assert vehicle.result(start(NOW + 20.0)) == DENIED
+
+
+def test_who_gave_up_is_started_again_before_step_0_but_not_in_the_midst_of_those_who_fly() -> None:
+    vehicle = Vehicle()
+    assert vehicle.result(start(NOW + 30.0)) == ACCEPTED
+    for at_s in (0.0, 21.0):  # nobody answers its commands
+        vehicle.machine.tick(NOW + at_s, may_descend=True)
+    vehicle.stands_ready(NOW + 22.0)
+    assert vehicle.result(start(NOW + 30.0), NOW + 22.0) == ACCEPTED
+    for at_s in (22.0, 43.0):
+        vehicle.machine.tick(NOW + at_s, may_descend=True)
+    vehicle.stands_ready(NOW + 44.0)
+    answer = vehicle.ordered(start(NOW + 30.0), NOW + 44.0)
+    assert answer is not None
+    assert answer.acknowledgement.result == DENIED
+    assert "step 0 was 14.0 s ago" in answer.refusal
+    assert vehicle.machine.state is FlightState.STANDBY
 
 
 @pytest.mark.parametrize("ahead_s", [-5.0, 600.5, 1e6, -NOW])
