@@ -44,7 +44,8 @@ class Landing:
             return True
         if heard.mode == behaviour.land_mode:
             self.taken = self._shown = True
-        asked = self._link.busy(mavlink.MAV_CMD_DO_SET_MODE) or time_s - self._asked_s < COMMAND_RETRY_S
+        recently = 0.0 <= time_s - self._asked_s < COMMAND_RETRY_S  # by a clock that may be set back
+        asked = self._link.busy(mavlink.MAV_CMD_DO_SET_MODE) or recently
         if heard.mode != behaviour.land_mode and not asked and holder is not Holder.AUTOPILOT:
             self._asked_s = time_s
             self._link.ask(behaviour.mode(behaviour.land_mode), time_s)

@@ -59,6 +59,7 @@ class CommandClient:
         self._timeout_s = timeout_s
         self._attempts = attempts
         self._progress_timeout_s = progress_timeout_s
+        self._longest_wait_s = max(timeout_s, progress_timeout_s)
         self._pending: dict[tuple[int, tuple[int, int]], _Pending] = {}
 
     def request(self, message: Command, time_s: float) -> None:
@@ -95,7 +96,8 @@ class CommandClient:
         due: list[Command] = []
         ended: list[CommandOutcome] = []
         for key, pending in list(self._pending.items()):
-            if time_s < pending.next_attempt_s:
+            # Farther ahead than anything waits for, it is from before the clock was set back.
+            if 0.0 < pending.next_attempt_s - time_s <= self._longest_wait_s:
                 continue
             if pending.attempts >= self._attempts:
                 if heard_until_s is not None and heard_until_s < pending.next_attempt_s:

@@ -27,6 +27,8 @@ LAG_S = 0.1
 """Of the velocity; what it takes to reach it shows in the attitude."""
 VEHICLE = VehicleConfig.model_validate({"id": 1, "home": (1.0, 2.0), "layer_m": 1.5})
 FAMILIES = list(BEHAVIOURS)
+LOST = -1
+"""Instead of a MAV_RESULT: the command does not arrive."""
 
 SetpointMessage = mavlink.MAVLink_set_position_target_local_ned_message
 
@@ -177,6 +179,8 @@ class Flight:
             return
         self.commands.append(message)
         result = self.refuse.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
+        if result == LOST:
+            return
         if message.command == mavlink.MAV_CMD_NAV_TAKEOFF and not self.armed:
             result = mavlink.MAV_RESULT_FAILED
         for text in self.says if result != mavlink.MAV_RESULT_ACCEPTED else []:
@@ -637,6 +641,20 @@ def test_landing_on_a_lost_mode_command_is_asked_for_again(flight: Flight) -> No
     assert flight.machine.state is FlightState.LAND
     flight.refuse.clear()
     flight.until(lambda: flight.machine.state is FlightState.LANDED)
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_a_clock_that_is_set_back_by_an_hour_does_not_keep_it_from_landing(flight: Flight, answers: bool) -> None:
+    """A landing that was refused, or whose command was lost, just before."""
+    flight.fly_to(FlightState.HOLD)
+    flight.refuse[mavlink.MAV_CMD_DO_SET_MODE] = mavlink.MAV_RESULT_TEMPORARILY_REJECTED if answers else LOST
+    flight.machine.land(flight.time_s)
+    flight.until(lambda: flight.machine.state is FlightState.LAND)
+    flight.run(0.3)
+    flight.time_s -= 3600.0
+    flight.boot_s -= 3600.0
+    flight.refuse.clear()
+    flight.until(lambda: flight.machine.state is FlightState.LANDED, 10.0)
 
 
 def test_the_loss_and_return_of_the_link_are_told(flight: Flight) -> None:
