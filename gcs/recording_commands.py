@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -75,7 +77,7 @@ def report(
         typer.Option("--output", "-o", metavar="FILE", show_default="FOLDER/report.html", help="The page to write."),
     ] = None,
 ) -> None:
-    """Write a page about a recording, with figures inside and, as PNG and SVG, in a folder beside it.
+    """Write a page about a recording, with figures inside and, as PNG, SVG and CSV, in a folder beside it.
 
     **Example**: `arvi report flights/lab-20260131-120000 -o lab.html`
     """
@@ -87,10 +89,12 @@ def report(
     folder = find_recording(folder)
     path = output if output is not None else folder / "report.html"
     try:
-        figures = write_report(read_series(open_recording(folder)), path)
+        with _reading(folder) as progress:
+            series = read_series(open_recording(folder), progress)
+        figures = write_report(series, path)
     except GroundError as error:
         refuse(str(error))
-    typer.echo(f"report: {path}\nfigures as PNG and SVG: {figures}")
+    typer.echo(f"report: {path}\nfigures as PNG and SVG, their numbers as CSV: {figures}")
 
 
 def compare(
@@ -111,7 +115,24 @@ def compare(
     if len(folders) < 2:
         refuse("one recording alone cannot be compared; `arvi report FOLDER` describes it")
     try:
-        figures = write_comparison([read_series(open_recording(folder)) for folder in folders], output)
+        flights = []
+        for folder in folders:
+            with _reading(folder) as progress:
+                flights.append(read_series(open_recording(folder), progress))
+        figures = write_comparison(flights, output)
     except GroundError as error:
         refuse(str(error))
     typer.echo(f"comparison: {output}\nfigures as PNG and SVG: {figures}")
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[Callable[[float], None]]:
+    """How far a recording has been read, on a terminal, as long as it takes."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    console = Console(stderr=True, markup=False, highlight=False)
+    columns = (TextColumn("reading {task.description}", markup=False), BarColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as shown:
+        task = shown.add_task(str(folder), total=1.0)
+        yield lambda share: shown.update(task, completed=share)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from gcs.attention import Hole, Listening
@@ -274,6 +275,12 @@ class TeamMonitor:
             explored=self._explored.area(),
             behind_s=self.behind_s,
         )
+
+    def places(self, now_s: float) -> Iterator[tuple[int, float | None, float | None]]:
+        """Each vehicle's id, north and east in m: of the state what changes most often, without the rest."""
+        for vehicle in self._vehicles.values():
+            north_m, east_m, _ = vehicle.place(now_s)
+            yield vehicle.id, north_m, east_m
 
     def figures(self) -> dict[int, VehicleFigures]:
         """Each vehicle's flight in figures, by system id."""

@@ -188,10 +188,19 @@ class VehicleMonitor:
         """Since the heartbeats of autopilot and onboard process, as far as one could be heard, s; None for never."""
         return self._silence_s(self._autopilot_s, now_s), self._silence_s(self._onboard_s, now_s)
 
+    def place(self, now_s: float) -> tuple[float | None, float | None, float | None]:
+        """North m, east m, age s: the autopilot says it more often than the status; first choice while it is heard."""
+        local_age, status_age = _age(self._local_s, now_s), _age(self._status_s, now_s)
+        if self._local is not None and (local_age or 0.0) <= max(_FRESH_S, status_age or 0.0):
+            return _finite(self._local.x), _finite(self._local.y), local_age
+        if self._status is not None:
+            return _finite(self._status.north), _finite(self._status.east), status_age
+        return None, None, None
+
     def state(self, now_s: float) -> VehicleState:
         """The vehicle at this moment."""
         status, plan, local = self._status, self._plan, self._local
-        north_m, east_m, position_age_s = self._place(now_s)
+        north_m, east_m, position_age_s = self.place(now_s)
         autopilot_age_s, onboard_age_s = self.heartbeat_ages_s(now_s)
         return VehicleState(
             id=self.id,
@@ -275,15 +284,6 @@ class VehicleMonitor:
         if self._status is not None and age is not None and age < HEARTBEAT_TIMEOUT_S:
             return _finite(-self._status.down)
         return _finite(-self._local.z) if self._local is not None else None
-
-    def _place(self, now_s: float) -> tuple[float | None, float | None, float | None]:
-        """North m, east m, age s: the autopilot says it more often than the status; first choice while it is heard."""
-        local_age, status_age = _age(self._local_s, now_s), _age(self._status_s, now_s)
-        if self._local is not None and (local_age or 0.0) <= max(_FRESH_S, status_age or 0.0):
-            return _finite(self._local.x), _finite(self._local.y), local_age
-        if self._status is not None:
-            return _finite(self._status.north), _finite(self._status.east), status_age
-        return None, None, None
 
     def _yaw_rad(self, now_s: float) -> float | None:
         age = _age(self._attitude_s, now_s)

@@ -11,6 +11,7 @@ __all__ = [
     "LIGHT",
     "THEMES",
     "TWO_WAY",
+    "VEHICLE_COLOURS",
     "WARNING",
     "Theme",
     "link_style",
@@ -24,7 +25,7 @@ PURPLE = "#CC79A7"
 SKY = "#56B4E9"
 ORANGE = "#E69F00"
 
-_VEHICLES = (BLUE, GREEN, PURPLE, SKY)
+VEHICLE_COLOURS = (BLUE, GREEN, PURPLE, SKY)
 """Estimates keep orange and alarms vermillion for themselves; beyond four vehicles the number tells them apart."""
 
 ESTIMATE = ORANGE
@@ -74,4 +75,4 @@ THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
 
 def vehicle_colour(index: int) -> str:
     """The colour of the vehicle at this place of the scenario."""
-    return _VEHICLES[index % len(_VEHICLES)]
+    return VEHICLE_COLOURS[index % len(VEHICLE_COLOURS)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +17,8 @@ from onboard.messages import FlightState, PeerPlan
 __all__ = ["FlightSeries", "PlanPoint", "VehicleSeries", "read_series"]
 
 _SAMPLE_TICKS = 5
+_TRACK_TICKS = 2
+"""Positions are taken as often as the ground reads them, so that curves are round on a map."""
 _PARTS = ("time_to_discover_s", "vehicles", "problems")
 _NAN = math.nan
 
@@ -40,6 +43,7 @@ class VehicleSeries:
     """One vehicle twice a second; NaN is what was not known.
 
     Attributes:
+        track: Five times a second: time since step 0, s, north and east in the mission frame, m.
         north_m: Mission frame, m.
         east_m: Mission frame, m.
         tracking_error_m: Horizontal distance from the planned trajectory, m.
@@ -50,6 +54,7 @@ class VehicleSeries:
         plans: Its plans.
     """
 
+    track: list[tuple[float, float, float]] = field(default_factory=list)
     north_m: list[float] = field(default_factory=list)
     east_m: list[float] = field(default_factory=list)
     tracking_error_m: list[float] = field(default_factory=list)
@@ -111,18 +116,28 @@ class FlightSeries:
         return sorted(value for value in self.summary["time_to_discover_s"].values() if value is not None)
 
 
-def read_series(recording: Recording) -> FlightSeries:
-    """Go through a recording once."""
+def read_series(recording: Recording, progress: Callable[[float], None] = lambda _: None) -> FlightSeries:
+    """Go through a recording once.
+
+    Args:
+        recording: The flight.
+        progress: Told what share of it has been read, 0 to 1.
+    """
     replay = Replay(recording)
     samples = []
+    tracks: dict[int, list[tuple[float, float, float]]] = {vehicle.id: [] for vehicle in recording.scenario.vehicles}
     landing_s = recording.landing_since_s
     final: TeamState | None = None
     while replay.tick < replay.ticks:
         replay.step()
         if landing_s is not None and final is None and replay.time_of(replay.tick) >= landing_s:
             final = replay.state()
+        if replay.tick % _TRACK_TICKS == 0:
+            for vehicle_id, north_m, east_m in replay.monitor.places(replay.time_of(replay.tick)):
+                tracks[vehicle_id].append((replay.time_of(replay.tick), _known(north_m), _known(east_m)))
         if replay.tick % _SAMPLE_TICKS == 0:
             samples.append(replay.state())
+            progress(replay.tick / replay.ticks)
     end = replay.state()
     start_s = next((team.mission_start_s for team in reversed((*samples, end)) if team.mission_start_s), None)
     zero_s = start_s if start_s is not None else recording.start_s
@@ -133,7 +148,10 @@ def read_series(recording: Recording) -> FlightSeries:
         landing_s=landing_s - zero_s if landing_s is not None else None,
         summary=_summary(recording, replay, start_s),
         final=final if final is not None else end,
-        vehicles={vehicle.id: VehicleSeries() for vehicle in recording.scenario.vehicles},
+        vehicles={
+            vehicle_id: VehicleSeries(track=[(time_s - zero_s, north_m, east_m) for time_s, north_m, east_m in track])
+            for vehicle_id, track in tracks.items()
+        },
         events=replay.events(-1, replay.ticks),
     )
     for sample in samples:

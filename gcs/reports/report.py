@@ -9,8 +9,9 @@ from pathlib import Path
 from gcs.dashboard.palette import vehicle_colour
 from gcs.dashboard.wording import number
 from gcs.reports.figures import FIGURES, draw_all
-from gcs.reports.flight_series import FlightSeries
+from gcs.reports.flight_series import FlightSeries, VehicleSeries
 from gcs.reports.page import EventRow, Page, Row, Table, write_page
+from gcs.reports.tables import write_tables
 
 __all__ = ["flight_facts", "write_report"]
 
@@ -22,7 +23,7 @@ _VEHICLE_HEADER = (
 
 
 def write_report(flight: FlightSeries, path: Path) -> Path:
-    """Write the report's page and its figures; the figures' folder.
+    """Write the report's page, its figures and their numbers; the folder of figures and numbers.
 
     Raises:
         GroundError: They cannot be written.
@@ -61,7 +62,9 @@ def write_report(flight: FlightSeries, path: Path) -> Path:
         ],
         texts=texts,
     )
-    return write_page(page, path)
+    folder = write_page(page, path)
+    write_tables(flight, folder)
+    return folder
 
 
 def flight_facts(flight: FlightSeries) -> list[tuple[str, str]]:
@@ -84,9 +87,7 @@ def flight_facts(flight: FlightSeries) -> list[tuple[str, str]]:
 def _vehicle_rows(flight: FlightSeries) -> list[Row]:
     rows = []
     for i, vehicle in enumerate(flight.summary["vehicles"]):
-        gap_s, p99_s, budget_s = (
-            vehicle[key] for key in ("setpoint_gap_max_s", "planning_time_p99_s", "planning_budget_s")
-        )
+        gap_s, p99_s = vehicle["setpoint_gap_max_s"], vehicle["planning_time_p99_s"]
         ending = (
             "landed, disarmed"
             if vehicle["landed"] and vehicle["disarmed"]
@@ -101,7 +102,7 @@ def _vehicle_rows(flight: FlightSeries) -> list[Row]:
             number(vehicle["plans"], 0),
             number(vehicle["deadline_misses"], 0),
             number(_milli(p99_s), 0, " ms"),
-            number(_milli(budget_s), 0, " ms"),
+            _budgets(flight.vehicles.get(vehicle["id"])),
             number(vehicle["peer_bytes_per_s"], 0, " B/s"),
             number(vehicle["tracking_error_rms_m"], 2, " m"),
             number(vehicle["min_separation_m"], 2, " m"),
@@ -109,6 +110,15 @@ def _vehicle_rows(flight: FlightSeries) -> list[Row]:
         )
         rows.append(Row(cells, vehicle_colour(i)))
     return rows
+
+
+def _budgets(series: VehicleSeries | None) -> str:
+    """From the shortest to the longest: who plans after others has less."""
+    budgets_ms = [1e3 * plan.budget_s for plan in series.plans] if series is not None else []
+    if not budgets_ms:
+        return "–"
+    least, most = f"{min(budgets_ms):.0f}", f"{max(budgets_ms):.0f}"
+    return f"{least} ms" if least == most else f"{least}–{most} ms"
 
 
 def _milli(value: float | None) -> float | None:

@@ -1,6 +1,7 @@
 """Reports: pages that need nothing but themselves, with figures that show the flight."""
 
 import base64
+import csv
 import re
 import shutil
 from html.parser import HTMLParser
@@ -55,7 +56,8 @@ def check_page(path, names):
         assert picture.width >= 1000
         assert len(picture.getcolors(1 << 24)) > 20
     folder = path.with_name(f"{path.stem}-figures")
-    assert {file.name for file in folder.iterdir()} == {f"{name}.{kind}" for name in names for kind in ("png", "svg")}
+    files = {file.name for file in folder.iterdir() if file.suffix != ".csv"}
+    assert files == {f"{name}.{kind}" for name in names for kind in ("png", "svg")}
     for name in names:
         assert (folder / f"{name}.svg").read_text().count("<path") > 5
     return " ".join(" ".join(parts.text).split())
@@ -71,6 +73,24 @@ def test_a_report_shows_the_flight_and_asks_nobody(series, flown, tmp_path):
     assert "seed 3" in text
     assert "step_s: 0.5" in text, "the configuration"
     assert text.count("landed, disarmed") == 3
+
+
+def test_numbers_of_the_figures_come_along(series, flown, tmp_path):
+    folder = write_report(series, tmp_path / "report.html")
+    rows, plans = (
+        list(csv.DictReader((folder / f"{name}.csv").read_text().splitlines())) for name in ("series", "plans")
+    )
+    assert [float(row["time_s"]) for row in rows] == pytest.approx(series.times_s, abs=1e-6)
+    assert float(rows[-1]["targets_found"]) == flown.summary["discovered"]
+    assert {row["vehicle2_state"] for row in rows} >= {"TAKEOFF", "TRACK", "LANDED"}
+    assert rows[0]["rmse_m"] == "", "nothing is known yet"
+    live = {round(state.time_s - series.zero_s, 1): state for state in flown.states}
+    row = next(row for row in rows if float(row["time_s"]) > 4.0)
+    state = live[round(float(row["time_s"]), 1)]
+    assert float(row["vehicle2_north_m"]) == pytest.approx(state.vehicle(2).north_m, abs=0.3)
+    assert float(row["explored_share"]) == pytest.approx(state.explored.share, abs=0.02)
+    for vehicle in flown.summary["vehicles"]:
+        assert sum(row["vehicle"] == str(vehicle["id"]) for row in plans) == vehicle["plans"]
 
 
 def test_what_came_over_a_radio_stays_text(series, tmp_path):
