@@ -158,7 +158,8 @@ class Page:
         if self._count % _TEXT_EVERY != 1:
             return
         name = f"ARVI · {self._board.scenario.name}"
-        _say(self._headline, panels.headline(moment, name, self._board.behind_s))
+        news = next(iter(self._board.events.find(limit=1)), None)
+        _say(self._headline, panels.headline(moment, name, self._board.behind_s, news))
         _say(self._vehicles, panels.vehicle_table(moment.team if moment else None, self._board.map_view.bounds))
         if self._events_at != self._board.events.serial:
             self._show_events()

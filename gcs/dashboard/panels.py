@@ -50,10 +50,18 @@ _HEADERS = (
 )
 
 
-def headline(moment: Moment | None, name: str, behind_s: float | None = None) -> str:
-    """The flight in one line: what it does, and the figures that matter; when these are old, that comes first."""
+def headline(moment: Moment | None, name: str, behind_s: float | None = None, latest: Event | None = None) -> str:
+    """The flight in one line: what it does, and the figures that matter; when these are old, that comes first.
+
+    Args:
+        moment: The team; None while the ground station starts.
+        name: Of the flight.
+        behind_s: How old that is, s; None if it is not.
+        latest: The last event, which tells what a start is about.
+    """
     if moment is None:
-        return f"<b>{escape(name)}</b> <span class='dim'>waiting for the ground station</span>"
+        words = "" if latest is None else f"<span class='dim'>{escape(latest.source)}: {escape(latest.text)}</span>"
+        return f"<div class='line'><b>{escape(name)}</b><span class='phase'>starting</span>{words}</div>"
     team, figures = moment.team, moment.team.figures
     total = "?" if team.target_count is None else str(team.target_count)
     left = moment.time_left_s

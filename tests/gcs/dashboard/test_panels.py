@@ -8,6 +8,7 @@ from gcs.dashboard import panels
 from gcs.dashboard.board import Moment
 from gcs.dashboard.view import MapBounds
 from gcs.operator_desk import Action, CommandRecord, Outcome, Way
+from gcs.team import Event
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import Codec
@@ -97,7 +98,9 @@ def test_the_headline_counts_and_warns(fake_team):
     assert "targets found 2 of 5" in text
     assert "left 12 s" in text
     assert "vehicle 1, 2, 3 silent" in text
-    assert "waiting" in panels.headline(None, "<b>")
+    begun = panels.headline(None, "<b>", latest=Event(T0, 6, "launcher", "compiling <kernels>"))
+    assert "starting" in begun
+    assert "launcher: compiling &lt;kernels&gt;" in begun
     assert "ground station is 12 s behind: what you see is old" in panels.headline(
         Moment(state, "flying", None, ()), "ARVI", 12.3
     )
