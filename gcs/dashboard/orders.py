@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from bokeh.models import Button, Div, InlineStyleSheet, Row, Select
+from bokeh.models import Button, Column, Div, InlineStyleSheet, Row, Select
 
 from gcs.dashboard.board import Board
-from gcs.dashboard.styles import BUTTONS, TEXT
+from gcs.dashboard.styles import BUTTONS, DIALOG, TEXT
 from gcs.operator_desk import Action, Order
 
 __all__ = ["OrderBar", "question"]
@@ -84,9 +84,15 @@ class OrderBar:
         for action, button in self.buttons.items():
             button.on_click(lambda action=action: self._ask(action))
         text = InlineStyleSheet(css=TEXT)
-        self.question = Div(text="", visible=False, stylesheets=[text], width_policy="max", width=200)
-        self.yes = Button(label="Confirm", button_type="danger", width=120, visible=False, stylesheets=[style])
-        self.no = Button(label="Cancel", button_type="default", width=66, visible=False, stylesheets=[style])
+        self.question = Div(text="", stylesheets=[text], sizing_mode="stretch_width")
+        self.yes = Button(label="Confirm", button_type="danger", width=132, stylesheets=[style])
+        self.no = Button(label="Cancel", button_type="default", width=66, stylesheets=[style])
+        self._dialog = Row(
+            children=[self.yes, self.no, self.question],
+            visible=False,
+            sizing_mode="stretch_width",
+            stylesheets=[InlineStyleSheet(css=DIALOG)],
+        )
         self.yes.on_click(self._confirm)
         self.no.on_click(self._clear)
         self.choice.on_change("value", lambda attr, old, new: self._clear())
@@ -94,8 +100,7 @@ class OrderBar:
         def caption(words: str) -> Div:
             return Div(text=f"<span class='caption'>{words}</span>", stylesheets=[text])
 
-        self.row = Row(
-            name="orders",
+        buttons = Row(
             sizing_mode="stretch_width",
             children=[
                 self.choice,
@@ -104,11 +109,9 @@ class OrderBar:
                 caption("autopilot"),
                 *(self.buttons[action] for action in _AUTOPILOT),
                 self.buttons[Action.STOP],
-                self.yes,
-                self.no,
-                self.question,
             ],
         )
+        self.row = Column(name="orders", sizing_mode="stretch_width", children=[buttons, self._dialog])
 
     def refresh(self) -> None:
         """Enable the buttons once the flight's side is there; drop a question that is old."""
@@ -126,8 +129,7 @@ class OrderBar:
         self._pending = (order, self._clock() + (_ARMED_S if stop else _PATIENCE_S))
         self.question.text = f"<b class='{'stop' if stop else 'ask'}'>{question(order, len(self._ids))}</b>"
         self.yes.label = "MOTORS OFF" if stop else f"Confirm {action.value.lower()}"
-        for widget in (self.question, self.yes, self.no):
-            widget.visible = True
+        self._dialog.visible = True
 
     def _confirm(self) -> None:
         if self._pending is not None and self._clock() <= self._pending[1]:
@@ -136,5 +138,4 @@ class OrderBar:
 
     def _clear(self) -> None:
         self._pending = None
-        for widget in (self.question, self.yes, self.no):
-            widget.visible = False
+        self._dialog.visible = False

@@ -1,6 +1,6 @@
 """Style sheets of bokeh's widgets; their colours are the page's CSS variables."""
 
-__all__ = ["BUTTONS", "EVENTS", "TABLE", "TEXT"]
+__all__ = ["BUTTONS", "DIALOG", "EVENTS", "TABLE", "TEXT"]
 
 _COMMON = """
 :host { font: 13px/1.35 system-ui, "Segoe UI", "Noto Sans", sans-serif; color: var(--ink); }
@@ -68,4 +68,13 @@ BUTTONS = """
 }
 .bk-input-group { flex-direction: row; align-items: center; gap: 6px; }
 .bk-input-group > label { color: var(--dim); white-space: nowrap; margin: 0; }
+"""
+
+# Below what asks, above all else: the page does not move under a finger that is about to confirm.
+DIALOG = """
+:host {
+  position: absolute; top: 100%; left: 0; z-index: 20; box-sizing: border-box; padding: 3px 4px; align-items: center;
+  background: var(--panel); border: 2px solid var(--alarm); border-radius: 5px;
+  box-shadow: 0 4px 12px rgba(0, 0, 0, 0.35);
+}
 """

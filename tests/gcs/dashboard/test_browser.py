@@ -234,6 +234,19 @@ def test_the_emergency_stop_is_armed_then_confirmed_within_seconds(page, flight)
     assert [(order.action, order.vehicles) for order in flight.orders] == [(Action.STOP, (1, 2, 3))]
 
 
+@pytest.mark.parametrize("size", [(1280, 720), (1024, 768)])
+def test_a_question_moves_nothing_and_its_answers_are_in_sight(page, size):
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    bar = page.locator("#orders")
+    before = bar.bounding_box()
+    page.get_by_role("button", name="Emergency stop").click()
+    off = page.get_by_role("button", name="MOTORS OFF")
+    off.wait_for()
+    box = off.bounding_box()
+    assert 0 <= box["x"] < box["x"] + box["width"] <= size[0]
+    assert bar.bounding_box() == before
+
+
 def test_a_refusal_and_a_silence_are_shown(page, flight):
     for result, words in ((mavlink.MAV_RESULT_DENIED, "refused: denied"), (None, "timed out: no answer")):
         flight.result = result
