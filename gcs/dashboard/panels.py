@@ -99,28 +99,33 @@ def event_lines(events: Iterable[Event], vehicle_ids: Sequence[int]) -> str:
 
 
 def command_lines(records: Sequence[CommandRecord], events: Sequence[Event], limit: int = 12) -> str:
-    """What became of the latest commands, newest first.
+    """What became of the latest commands, newest first; vehicles that answered the same to one order share a line.
 
     Args:
         records: Oldest first.
         events: Newest first, for reasons that vehicles give.
         limit: At most so many lines.
     """
-    lines = []
-    for record in list(reversed(records))[:limit]:
-        words = record.outcome.value
-        if record.outcome is Outcome.SENT:
-            words = "sent, waiting…"
-        elif record.outcome is Outcome.REFUSED:
-            words = f"refused: {refusal_reason(record, events) or record.result}"
-        elif record.outcome is Outcome.TIMED_OUT:
-            words = f"timed out: {record.result}"
-        lines.append(
-            f"<p class='{record.outcome.name.lower()}'><time>{_clock(record.time_s)}</time> "
-            f"{record.action.value} vehicle {record.vehicle} <span class='dim'>({record.to})</span> "
-            f"<b>{escape(words)}</b></p>"
-        )
-    return "".join(lines)
+    lines: dict[tuple[float, str, str, str, Outcome], list[int]] = {}
+    for record in reversed(records):
+        answer = (record.time_s, record.action.value, record.to, _outcome_text(record, events), record.outcome)
+        lines.setdefault(answer, []).append(record.vehicle)
+    return "".join(
+        f"<p class='{outcome.name.lower()}'><time>{_clock(time_s)}</time> {action} "
+        f"vehicle{'s' * (len(vehicles) > 1)} {', '.join(map(str, sorted(vehicles)))} "
+        f"<span class='dim'>({to})</span> <b>{escape(words)}</b></p>"
+        for (time_s, action, to, words, outcome), vehicles in list(lines.items())[:limit]
+    )
+
+
+def _outcome_text(record: CommandRecord, events: Sequence[Event]) -> str:
+    if record.outcome is Outcome.SENT:
+        return "sent, waiting…"
+    if record.outcome is Outcome.REFUSED:
+        return f"refused: {refusal_reason(record, events) or record.result}"
+    if record.outcome is Outcome.TIMED_OUT:
+        return f"timed out: {record.result}"
+    return str(record.outcome.value)
 
 
 def _row(index: int, vehicle: VehicleState, bounds: MapBounds) -> str:

@@ -230,7 +230,7 @@ def test_the_emergency_stop_is_armed_then_confirmed_within_seconds(page, flight)
     assert flight.orders == []
     stop.click()
     off.click()
-    page.get_by_text("Emergency stop vehicle 3").wait_for()
+    page.get_by_text("Emergency stop vehicles 1, 2, 3").wait_for()
     assert [(order.action, order.vehicles) for order in flight.orders] == [(Action.STOP, (1, 2, 3))]
 
 

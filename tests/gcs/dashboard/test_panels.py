@@ -106,8 +106,20 @@ def test_the_headline_counts_and_warns(fake_team):
     )
 
 
-def record(outcome, result="", ended_s=None):
-    return CommandRecord(T0, ended_s, Action.PAUSE, 2, (Way.ONBOARD,), outcome, result, frozenset())
+def record(outcome, result="", ended_s=None, vehicle=2):
+    return CommandRecord(T0, ended_s, Action.PAUSE, vehicle, (Way.ONBOARD,), outcome, result, frozenset())
+
+
+def test_of_many_vehicles_those_that_answered_the_same_share_a_line():
+    records = [
+        record(Outcome.TIMED_OUT if i == 7 else Outcome.ACKNOWLEDGED, "no answer" if i == 7 else "", T0 + 1.0, i)
+        for i in range(1, 21)
+    ]
+    lines = re.findall(r"<p.*?</p>", panels.command_lines(records, []))
+    assert len(lines) == 2
+    assert "Pause vehicles 1, 2, 3, 4, 5, 6, 8, 9, 10, 11," in lines[0]
+    assert "Pause vehicle 7 " in lines[1]
+    assert "timed out" in lines[1]
 
 
 @pytest.mark.parametrize(
