@@ -67,6 +67,8 @@ SOON_REPLACED = frozenset(
 """Messages by the hundred, each of which the next one makes old: who has no time leaves these out."""
 
 _NAMED_PEERS = 5
+_BELIEFS_COME_WITHIN_S = 2.0
+"""Beliefs come once a step: what a vehicle knows is heard so soon after its first status, s."""
 
 _STAMPED = (
     mavlink.MAVLink_arvi_plan_message,
@@ -390,7 +392,9 @@ class TeamMonitor:
             return
         if target is not None:
             total = f"/{self._simulation.ground_robots.count}" if self._simulation is not None else " so far"
-            text = f"target {target} found by vehicle {vehicle.id} ({len(self.metrics.discovered)}{total})"
+            # Who has only just been heard may have found it long ago.
+            verb = "found by" if vehicle.reports_for_s(now_s) > _BELIEFS_COME_WITHIN_S else "known already to"
+            text = f"target {target} {verb} vehicle {vehicle.id} ({len(self.metrics.discovered)}{total})"
             self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "team", text)
 
 

@@ -9,10 +9,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console, Group, JustifyMethod, RenderableType
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
@@ -20,36 +18,31 @@ from rich.text import Text
 
 from gcs.arena_map import ArenaMap, vehicle_style
 from gcs.attention import behind_text
-from gcs.dashboard.wording import flight_state_text, number, vehicle_is_silent
+from gcs.dashboard.wording import flight_state_text, number
 from gcs.session import WATCHING, Display
 from gcs.team import Event, TeamState
-from gcs.vehicle_state import VehicleState
+from gcs.vehicle_table import vehicle_table
 from onboard.config import Scenario
-from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
-__all__ = ["LineDisplay", "LiveDisplay", "event_text", "open_display", "render_team"]
+__all__ = ["LineDisplay", "LiveDisplay", "arena_of", "event_text", "open_display", "render_team"]
 
 _DRAW_PERIOD_S = 0.5
 _LINE_PERIOD_S = 5.0
 _MAP_COLUMNS, _MAP_ROWS = 48, 12
 _EVENT_LINES = 40
+_EVENT_COLUMNS = 44
+"""Beside the map, events have at least so many; a narrower terminal has a smaller map."""
+_LEAST_ROWS = 3
+_WIDTH_WITH_MEANS, _WIDTH_WITH_ENTROPY = 95, 78
 _OTHER_LINES = 10
 """Of the picture, besides one for each vehicle and those of the map and the events."""
-_LOW_BATTERY = 0.2
-_NAMED_NEIGHBOURS = 4
-_STATE_STYLES = {
-    FlightState.TRACK: "green",
-    FlightState.HOLD: "cyan",
-    FlightState.RELEASED: "bold red",
-    FlightState.WAIT: "yellow",
-}
 
 
 @contextmanager
 def open_display(console: Console, scenario: Scenario, title: str, *, headless: bool) -> Iterator[Display]:
-    """A live picture on a terminal; lines when headless or when the output goes elsewhere."""
-    if headless or not console.is_terminal:
+    """A live picture on a terminal; lines when headless, on a dumb terminal, or when the output goes elsewhere."""
+    if headless or not console.is_terminal or console.is_dumb_terminal:
         yield LineDisplay(console)
         return
     with _no_control_echo(), Live(console=console, auto_refresh=False, transient=True) as live:
@@ -111,7 +104,7 @@ class LiveDisplay:
 
     def __init__(self, live: Live, scenario: Scenario, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._live = live
-        self._map = ArenaMap(scenario, _MAP_COLUMNS, _MAP_ROWS)
+        self._scenario = scenario
         self._title = title
         self._clock = clock
         self._next_s = -math.inf
@@ -123,7 +116,8 @@ class LiveDisplay:
         if now_s >= self._next_s:
             self._next_s = now_s + _DRAW_PERIOD_S
             width, height = self._live.console.size
-            picture = render_team(team, self._map, list(self._events), self._title, phase, time_left_s, height, width)
+            arena = arena_of(self._scenario, height, width)
+            picture = render_team(team, arena, list(self._events), self._title, phase, time_left_s, height, width)
             self._live.update(picture, refresh=True)
 
     def event(self, event: Event) -> None:
@@ -131,6 +125,13 @@ class LiveDisplay:
         self._events.append(event)
         if event.severity <= mavlink.MAV_SEVERITY_ERROR:
             self._live.console.print(event_text(event), soft_wrap=True)
+
+
+def arena_of(scenario: Scenario, height: int, width: int) -> ArenaMap | None:
+    """A map for a terminal of this size; None where there is no room for one."""
+    rows = min(_MAP_ROWS, height - len(scenario.vehicles) - _OTHER_LINES)
+    columns = min(_MAP_COLUMNS, width - _EVENT_COLUMNS - 4)
+    return ArenaMap(scenario, columns, rows) if rows >= _LEAST_ROWS and columns >= 2 * _LEAST_ROWS else None
 
 
 def progress_line(team: TeamState, phase: str, time_left_s: float | None) -> str:
@@ -164,7 +165,7 @@ def event_text(event: Event) -> Text:
 
 def render_team(
     team: TeamState,
-    arena: ArenaMap,
+    arena: ArenaMap | None,
     events: list[Event],
     title: str,
     phase: str,
@@ -172,11 +173,11 @@ def render_team(
     height: int = 30,
     width: int = 100,
 ) -> RenderableType:
-    """The whole picture: team, vehicles, map and events; made for 100 × 30 characters.
+    """The whole picture: team, vehicles, map and events; made for 100 × 30 characters, legible from 80 × 24 on.
 
     Args:
         team: The team at this moment.
-        arena: Draws its map.
+        arena: Draws its map; None draws none.
         events: The latest last; those that do not fit are left out.
         title: Stands on top.
         phase: What the team is doing.
@@ -184,16 +185,29 @@ def render_team(
         height: Of the terminal, lines.
         width: Of the terminal, characters; what a narrow one has no room for is left out of the table.
     """
-    rows = max(arena.rows, min(_EVENT_LINES, height - len(team.vehicles) - _OTHER_LINES))
-    arena_panel = Panel(arena.draw(team), title="◆ estimated  ◇ true", border_style="dim", width=arena.columns + 4)
-    lines = Text("\n", no_wrap=True, overflow="ellipsis").join([_short_event(event, team) for event in events[-rows:]])
-    event_panel = Panel(lines, title="events", border_style="dim", height=rows + 2)
-    lower = Table.grid(expand=True)
-    lower.add_column(width=arena.columns + 4)
-    lower.add_column(ratio=1)
-    lower.add_row(arena_panel, event_panel)
-    headline = _headline(title, phase, time_left_s, team.behind_s)
-    return Group(headline, _team_figures(team, phase), _vehicle_table(team, width), lower)
+    parts = [
+        _headline(title, phase, time_left_s, team.behind_s, width),
+        _team_figures(team, phase, width),
+        vehicle_table(team, width),
+    ]
+    rows = min(_EVENT_LINES, height - len(team.vehicles) - _OTHER_LINES)
+    if rows >= _LEAST_ROWS:
+        lines = Text("\n", no_wrap=True, overflow="ellipsis").join(
+            [_short_event(event, team) for event in events[-rows:]]
+        )
+        event_panel = Panel(lines, title="events", border_style="dim", height=rows + 2)
+        lower = Table.grid(expand=True)
+        if arena is None:
+            parts.append(event_panel)
+        else:
+            lower.add_column(width=arena.columns + 4)
+            lower.add_column(ratio=1)
+            arena_panel = Panel(
+                arena.draw(team), title="◆ estimated ◇ true", border_style="dim", width=arena.columns + 4
+            )
+            lower.add_row(arena_panel, event_panel)
+            parts.append(lower)
+    return Group(*parts)
 
 
 def _short_event(event: Event, team: TeamState) -> Text:
@@ -210,137 +224,31 @@ def _short_event(event: Event, team: TeamState) -> Text:
     return text
 
 
-def _headline(title: str, phase: str, time_left_s: float | None, behind_s: float | None) -> RenderableType:
-    left = "" if time_left_s is None or math.isinf(time_left_s) else f"{time_left_s:.0f} s left"
-    line = Table.grid(expand=True)
-    for justify in ("left", "center", "right"):
-        line.add_column(justify=justify, ratio=1)
-    middle = Text(phase, style="bold green")
+def _headline(title: str, phase: str, time_left_s: float | None, behind_s: float | None, width: int) -> Text:
+    """What matters is never cut; the title is, where there is no room for all of it."""
+    right = Text(phase, style="bold green")
+    if time_left_s is not None and not math.isinf(time_left_s):
+        right.append(f", {time_left_s:.0f} s left")
     if behind_s is not None:
-        middle = Text(f"{behind_text(behind_s)}, what you see is old", style="bold white on red")
-    line.add_row(Text(title, style="bold"), middle, Text(left, style="bold"))
-    return line
+        right = Text(f"{behind_text(behind_s)}, what you see is old", style="bold white on red")
+    left = Text(title, style="bold")
+    left.truncate(max(0, width - right.cell_len - 2), overflow="ellipsis", pad=True)
+    return Text.assemble(left, "  ", right)
 
 
-def _team_figures(team: TeamState, phase: str) -> RenderableType:
+def _team_figures(team: TeamState, phase: str, width: int) -> RenderableType:
     total = "?" if team.target_count is None else str(team.target_count)
     figures = team.figures
+    found = Text.assemble(("targets ", "dim"), (f"{team.discovered} of {total}", "bold"))
+    rmse = Text.assemble(("RMSE ", "dim"), (number(figures.rmse_now_m, 2, " m"), "bold"))
+    entropy = Text.assemble(("entropy ", "dim"), (number(figures.entropy_now_nats, 2, " nats"), "bold"))
+    if width >= _WIDTH_WITH_MEANS:
+        rmse.append(f"  mean {number(figures.rmse_m, 2)}")
+        entropy.append(f"  mean {number(figures.entropy_nats, 2)}")
+    hint = Text("Ctrl-C ends this display" if phase == WATCHING else "Ctrl-C lands the team", style="dim")
+    parts = (found, rmse, entropy, hint) if width >= _WIDTH_WITH_ENTROPY else (found, rmse, hint)
     line = Table.grid(expand=True)
-    line.add_column()
-    line.add_column(justify="center")
-    line.add_column(justify="center")
-    line.add_column(justify="right")
-    line.add_row(
-        Text.assemble(("targets ", "dim"), (f"{team.discovered} of {total}", "bold")),
-        Text.assemble(
-            ("RMSE ", "dim"), (number(figures.rmse_now_m, 2, " m"), "bold"), f"  mean {number(figures.rmse_m, 2)}"
-        ),
-        Text.assemble(
-            ("entropy ", "dim"),
-            (number(figures.entropy_now_nats, 2, " nats"), "bold"),
-            f"  mean {number(figures.entropy_nats, 2)}",
-        ),
-        Text("Ctrl-C ends this display" if phase == WATCHING else "Ctrl-C lands the team", style="dim"),
-    )
+    for part in parts:
+        line.add_column(justify="left" if part is found else "right" if part is hint else "center", no_wrap=True)
+    line.add_row(*parts)
     return line
-
-
-@dataclass(frozen=True, slots=True)
-class _Column:
-    """A column of the vehicle table, shown on terminals that are wide enough for it."""
-
-    title: str
-    cell: Callable[[VehicleState], Text | str]
-    min_width: int = 0
-    justify: JustifyMethod = "right"
-
-
-def _vehicle_table(team: TeamState, width: int) -> Table:
-    table = Table(box=SIMPLE_HEAD, expand=True, header_style="dim", pad_edge=False, collapse_padding=True)
-    table.add_column("", no_wrap=True)
-    columns = [column for column in _COLUMNS if width >= column.min_width]
-    for column in columns:
-        last = column.title == _LAST_TEXT
-        table.add_column(
-            column.title, justify=column.justify, no_wrap=True, ratio=1 if last else None, overflow="ellipsis"
-        )
-    for i, vehicle in enumerate(team.vehicles):
-        # As text: rich takes strings for markup, and a vehicle's last words may look like it.
-        cells = [Text(cell) if isinstance(cell := column.cell(vehicle), str) else cell for column in columns]
-        table.add_row(Text(str(vehicle.id), style=f"bold {vehicle_style(i)}"), *cells)
-    return table
-
-
-def _state_cell(vehicle: VehicleState) -> Text:
-    if vehicle.flight_state is None:
-        return Text("not heard", style="dim")
-    if not vehicle.onboard_alive:
-        return Text("silent", style="bold red")
-    return Text(vehicle.flight_state.name, style=_STATE_STYLES.get(vehicle.flight_state, ""))
-
-
-def _mode_cell(vehicle: VehicleState) -> Text:
-    return Text(vehicle.mode or "–", style="" if vehicle.autopilot_alive else "red")
-
-
-def _armed_cell(vehicle: VehicleState) -> str:
-    return {True: "yes", False: "no", None: "–"}[vehicle.armed]
-
-
-def _battery_cell(vehicle: VehicleState) -> Text:
-    if vehicle.battery is None:
-        return Text("–")
-    return Text(f"{100 * vehicle.battery:.0f}", style="red" if vehicle.battery < _LOW_BATTERY else "")
-
-
-def _planning_cell(vehicle: VehicleState) -> str:
-    if vehicle.planning_time_s is None or vehicle.planning_budget_s is None:
-        return "–"
-    return f"{1e3 * vehicle.planning_time_s:.0f} of {1e3 * vehicle.planning_budget_s:.0f}"
-
-
-def _bound_cell(vehicle: VehicleState) -> str:
-    plan = vehicle.plan
-    if plan is None:
-        return "–"
-    return f"{number(plan.epsilon, 2)}, {number(plan.delta, 2)}, {'∞' if plan.width is None else plan.width}"
-
-
-def _nodes_cell(vehicle: VehicleState) -> str:
-    return "–" if vehicle.plan is None else str(vehicle.plan.nodes)
-
-
-def _late_cell(vehicle: VehicleState) -> Text:
-    return Text(str(vehicle.deadline_misses), style="red" if vehicle.deadline_misses else "")
-
-
-def _hears_cell(vehicle: VehicleState) -> str:
-    ids = " ".join(map(str, vehicle.neighbours)) or "–"
-    return ids if len(vehicle.neighbours) <= _NAMED_NEIGHBOURS else f"{len(vehicle.neighbours)} of them"
-
-
-def _beat_cell(vehicle: VehicleState) -> Text:
-    """Ages of both heartbeats, onboard process / autopilot."""
-    text = f"{number(vehicle.onboard_age_s, 1)}/{number(vehicle.autopilot_age_s, 1)}"
-    return Text(text, style="bold red" if vehicle_is_silent(vehicle) else "")
-
-
-_LAST_TEXT = "last text"
-_COLUMNS = (
-    _Column("state", _state_cell, justify="left"),
-    _Column("mode", _mode_cell, justify="left"),
-    _Column("arm", _armed_cell, justify="left"),
-    _Column("bat\n%", _battery_cell),
-    _Column("height\nm", lambda vehicle: number(vehicle.height_m, 2)),
-    _Column("speed\nm/s", lambda vehicle: number(vehicle.speed_m_s, 2)),
-    _Column("plan\nage s", lambda vehicle: number(vehicle.plan_age_s, 1)),
-    _Column("plan ms\nof budget", _planning_cell),
-    _Column("ε, δ m, W", _bound_cell, min_width=120),
-    _Column("nodes", _nodes_cell, min_width=120),
-    _Column("late", _late_cell),
-    _Column("stream\nHz", lambda vehicle: number(vehicle.setpoint_rate_hz, 0)),
-    _Column("off\nm", lambda vehicle: number(vehicle.tracking_error_m, 2)),
-    _Column("hears", _hears_cell),
-    _Column("beats\ns", _beat_cell),
-    _Column(_LAST_TEXT, lambda vehicle: vehicle.status_text or "", min_width=140, justify="left"),
-)

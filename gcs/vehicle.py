@@ -49,6 +49,7 @@ class VehicleMonitor:
         self._onboard_s: float | None = None
         self._status: mavlink.MAVLink_planner_status_message | None = None
         self._status_s: float | None = None
+        self._first_status_s: float | None = None
         self._plan: PeerPlan | None = None
         self._local: mavlink.MAVLink_local_position_ned_message | None = None
         self._local_s: float | None = None
@@ -101,10 +102,16 @@ class VehicleMonitor:
         self._rates.add(message)
         self._status = message
         self._status_s = now_s
+        if self._first_status_s is None:
+            self._first_status_s = now_s
         if message.state == FlightState.TRACK and math.isfinite(message.tracking_error):
             self._tracking_error_sum += message.tracking_error**2
             self._tracking_error_count += 1
         self._note_flight()
+
+    def reports_for_s(self, now_s: float) -> float:
+        """How long its onboard process has been heard to report, s; 0 before it has."""
+        return 0.0 if self._first_status_s is None else now_s - self._first_status_s
 
     def plan(self, plan: PeerPlan) -> None:
         """ARVI_PLAN, once an epoch."""

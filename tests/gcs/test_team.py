@@ -74,11 +74,19 @@ def test_rmse_through_the_wire(team, heard):
     assert figures.entropy_nats == pytest.approx(0.5 * np.log((2 * np.pi * np.e) ** 2 / 16.0), abs=1e-6)
 
 
-def test_a_discovery_is_told_once(team, heard, texts):
+def test_a_discovery_is_told_once(team, heard, status, texts):
+    team.receive(heard(3, ONBOARD, status(T0 - 3.0)), T0 - 3.0)
     team.receive(heard(3, ONBOARD, belief(T0)), T0)
     team.receive(heard(1, ONBOARD, belief(T0 + 0.5)), T0)
     assert texts() == [("team", "target 3 found by vehicle 3 (1/5)")]
     assert team.state(T0).discovered == 1
+
+
+def test_what_a_vehicle_knew_before_it_was_heard_is_no_discovery(team, heard, status, texts):
+    """As after a restart of the ground station in flight."""
+    team.receive(heard(3, ONBOARD, status(T0)), T0)
+    team.receive(heard(3, ONBOARD, belief(T0 + 0.5)), T0 + 0.5)
+    assert texts() == [("team", "target 3 known already to vehicle 3 (1/5)")]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from gcs.arena_map import ArenaMap
 from gcs.metrics import Estimate, MetricsFigures, TargetState
 from gcs.session import WATCHING
 from gcs.team import Event, TeamMonitor, TeamState
-from gcs.terminal import LineDisplay, LiveDisplay, open_display, progress_line, render_team
+from gcs.terminal import LineDisplay, LiveDisplay, arena_of, open_display, progress_line, render_team
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 
@@ -52,18 +52,36 @@ def lines_of(renderable, width=100, height=30):
     return console.file.getvalue().splitlines()
 
 
-def picture(team, scenario, events=()):
-    return lines_of(render_team(team, ArenaMap(scenario, 48, 12), list(events), "arvi · lab", "flying", 42.0))
+def picture(team, scenario, events=(), width=100, height=30):
+    arena = arena_of(scenario, height, width)
+    drawn = render_team(team, arena, list(events), "arvi · lab", "flying", 42.0, height, width)
+    return lines_of(drawn, width, height)
 
 
-def test_the_picture_fits_100_by_30_and_nothing_is_cut(team, scenario):
+@pytest.mark.parametrize(("width", "height"), [(60, 16), (80, 24), (100, 30), (140, 40)])
+def test_the_picture_fits_the_terminal_and_nothing_is_cut(team, scenario, width, height):
     events = [Event(T0, 6, "vehicle 1", f"event {i}") for i in range(60)]
-    lines = picture(team, scenario, events)
-    assert len(lines) <= 29, "one line stays for the cursor"
-    assert max(map(len, lines)) <= 100
+    lines = picture(team, scenario, events, width, height)
+    assert len(lines) < height, "one line stays for the cursor"
+    assert max(map(len, lines)) <= width
     assert "…" not in "\n".join(lines)
     assert any("event 59" in line for line in lines)
     assert not any("event 0 " in line for line in lines)
+    rows = [line.split() for line in lines if line.lstrip().startswith(("1 ", "2 ", "3 "))]
+    assert [row[:4] for row in rows] == [[str(i), "TRACK", "OFFBOARD", "yes"] for i in (1, 2, 3)]
+
+
+def test_a_title_that_is_too_long_is_cut_and_nothing_else(team):
+    late = replace(team, behind_s=12.3)
+    lines = lines_of(render_team(late, None, [], "x" * 200, "flying", 42.0, 24, 80), 80)
+    assert lines[0].endswith("x…  ground station is 12 s behind, what you see is old")
+
+
+def test_text_of_a_vehicle_that_looks_like_markup_is_text(team, scenario):
+    """It ended the flight's program: rich raises at a tag that closes nothing."""
+    talker = replace(team.vehicles[0], status_text="[/red] :smile: [bold]")
+    said = replace(team, vehicles=(talker, *team.vehicles[1:]))
+    assert "[/red] :smile: [bold]" in "\n".join(picture(said, scenario, (), 160, 40))
 
 
 def test_the_picture_says_what_the_operator_needs(team, scenario):
@@ -169,3 +187,6 @@ def test_where_there_is_no_terminal_there_are_lines(scenario):
         assert isinstance(display, LineDisplay)
     with open_display(terminal, scenario, "arvi", headless=False) as display:
         assert isinstance(display, LiveDisplay)
+    dumb = Console(file=io.StringIO(), force_terminal=True, _environ={"TERM": "dumb"})
+    with open_display(dumb, scenario, "arvi", headless=False) as display:
+        assert isinstance(display, LineDisplay), "it can draw nothing over what it has drawn"

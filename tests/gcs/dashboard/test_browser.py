@@ -206,7 +206,7 @@ def test_a_reload_in_flight_recovers_with_its_history(page, flight):
     page.reload()
     page.locator("tr[data-vehicle='3']").wait_for()
     wait_until(lambda: len(source(page, "time", ["entropy", "time"])) >= 6)
-    assert page.get_by_text("target 5 found by vehicle 1").count() == 1
+    assert page.get_by_text("target 5 known already to vehicle 1").count() == 1
 
 
 def test_an_order_needs_a_confirmation_and_shows_its_end(page, flight):
@@ -274,7 +274,7 @@ def test_the_theme_is_switched_and_remembered(page):
 
 
 def test_events_are_searched(page):
-    page.get_by_text("target 5 found by vehicle 1").wait_for()
+    page.get_by_text("target 5 known already to vehicle 1").wait_for()
     page.get_by_placeholder("search events").fill("target 3")
-    page.get_by_text("target 5 found by vehicle 1").wait_for(state="hidden")
-    assert page.get_by_text("target 3 found by vehicle 1").count() == 1
+    page.get_by_text("target 5 known already to vehicle 1").wait_for(state="hidden")
+    assert page.get_by_text("target 3 known already to vehicle 1").count() == 1
