@@ -14,6 +14,7 @@ from onboard.protocol.start_order import encode_start
 __all__ = [
     "AUTOPILOT",
     "ONBOARD",
+    "component_name",
     "describe",
     "hold_command",
     "kill_command",
@@ -91,11 +92,16 @@ def _long(vehicle_id: int, command: int, param1: float = 0.0, param2: float = 0.
     )
 
 
+def component_name(component: int) -> str:
+    """What an operator calls a component of a vehicle."""
+    return _COMPONENT_NAMES.get(component, f"component {component}")
+
+
 def describe(outcome: CommandOutcome) -> str:
     """A sentence about how a command ended."""
     entry = mavlink.enums["MAV_CMD"].get(outcome.command)
     name = entry.name.removeprefix("MAV_CMD_") if entry is not None else f"command {outcome.command}"
-    who = _COMPONENT_NAMES.get(outcome.target[1], f"component {outcome.target[1]}")
+    who = component_name(outcome.target[1])
     if outcome.result is None:
         return f"{who} did not answer {name}"
     if outcome.accepted:

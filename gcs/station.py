@@ -6,10 +6,11 @@ import asyncio
 import contextlib
 import math
 import time
+from collections import Counter
 from collections.abc import Callable
 
 from gcs.attention import Attention
-from gcs.commands import AUTOPILOT, describe
+from gcs.commands import AUTOPILOT, component_name, describe
 from gcs.fleet import FleetOutcome, FleetProcess, Verdict
 from gcs.mission import UNHURRIED, MissionDirector
 from gcs.onboard_gate import OnboardGate
@@ -22,7 +23,7 @@ from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent
-from onboard.protocol.codec import Codec, message_id
+from onboard.protocol.codec import Codec, RefusalNotice, message_id
 from onboard.protocol.commands import Command, CommandClient, CommandOutcome
 from onboard.signing_keeper import SigningKeeper, keeping
 
@@ -36,6 +37,7 @@ _HEARTBEAT_S = 1.0
 _OPPOSITES = (Action.PAUSE, Action.RESUME)
 """One MAVLink command: an acknowledgement does not say of which, so one is under way to a vehicle at a time."""
 
+_TOLD_STRANGERS = 8
 _MAX_STRANGERS = 32
 """Components outside the scenario that are listened to on the team's link; more are ignored."""
 
@@ -99,6 +101,7 @@ class GroundStation:
         self._gate = OnboardGate(None if self._keeper is None else self._keeper.signing, unsigned)
         self._codec = Codec(*self._identity, self._gate.signing)
         self._reader = Codec(*self._identity)
+        self._unreadable = RefusalNotice()
         self._commands = CommandClient()
         self._held: list[tuple[Action, Command]] = []
         self.switchboard = Switchboard(scenario.ground, self._frame, self._missed, self._mavsdk_identity)
@@ -106,6 +109,8 @@ class GroundStation:
         self.switchboard.verify(self._gate.lets_in)
         self._fleet: FleetProcess | None = None
         self._names = link_names(scenario)
+        self._systems = {system for system, _ in self._names} | {self._identity[0]}
+        self._strange_systems: set[int] = set()
         self._next_heartbeat_s = -math.inf
 
     async def open(self, team_url: str | None = None, *, mavsdk: bool = True) -> None:
@@ -164,14 +169,26 @@ class GroundStation:
             self._note(outcome, now_s)
         if self._steady() >= self._next_heartbeat_s:
             self._next_heartbeat_s = self._steady() + _HEARTBEAT_S
-            if (notice := self._gate.notice(now_s)) is not None:
-                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "ground", notice)
-            self.switchboard.router.forget_silent(now_s)
             self._heartbeat(now_s)
-            if self._recorder is not None:
-                self._recorder.flush()
-                for warning in self._recorder.take_warnings():
-                    self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "recorder", warning)
+            self.switchboard.router.forget_silent(now_s)
+            self._tell(now_s)
+
+    def _tell(self, now_s: float) -> None:
+        """What has gone wrong with the links and the recording since the last time."""
+        wrong = {"no MAVLink": self.switchboard.rejected, "with a wrong checksum": self._reader.rejected}
+        for notice in (self._gate.notice(now_s), self._unreadable.update("ground", +Counter(wrong), now_s)):
+            if notice is not None:
+                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "ground", notice)
+        for source, believed, rival in self.switchboard.router.take_doubled():
+            text = (
+                f"{component_name(source[1])} is heard from {_place(believed)} and from {_place(rival)}: two vehicles "
+                "with one system id, or one over two links; the second is not shown"
+            )
+            self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, f"vehicle {source[0]}", text)
+        if self._recorder is not None:
+            self._recorder.flush()
+            for warning in self._recorder.take_warnings():
+                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, "recorder", warning)
 
     def _listen(self) -> float:
         """Read what has arrived, and let the team's time pass as far as that goes; UNIX time until when all is read."""
@@ -208,8 +225,10 @@ class GroundStation:
         if arrived_s - self._heard_until_s >= _TICK_S:  # what is read late is judged step by step, as it came
             self._hear_until(arrived_s)
         kind = message_id(frame)
-        if port == self.switchboard.router.port_of(source):
+        if port == self.switchboard.router.team_port(source):
             self.team.sequence(frame, source, arrived_s)
+        elif kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
+            return  # a copy, or another of the same id
         if kind != mavlink.MAVLINK_MSG_ID_COMMAND_ACK and not self.team.wants(kind, source[0], arrived_s):
             return
         if kind in SOON_REPLACED and not self._attention.worth_drawing(arrived_s):
@@ -295,9 +314,18 @@ class GroundStation:
         first_s = team.mission_start_s if team.mission_start_s is not None else 0.0
         return first_s + epoch_s * max(0, math.ceil((earliest_s - first_s) / epoch_s - 1e-6))
 
-    def _admits(self, source: SystemComponent) -> bool:
-        """Whether a component heard for the first time is listened to."""
-        return source in self._names or len(self.switchboard.heard() - self._names.keys()) < _MAX_STRANGERS
+    def _admits(self, source: SystemComponent, port: Port) -> bool:
+        """Whether a component heard for the first time is listened to; of strangers the operator is told."""
+        if source in self._names:
+            return True
+        if source[0] not in self._systems | self._strange_systems and len(self._strange_systems) < _TOLD_STRANGERS:
+            self._strange_systems.add(source[0])
+            text = (
+                f"system {source[0]} is heard from {_place(port)}, but {self.scenario.name} has no such vehicle: it is "
+                "neither shown nor commanded"
+            )
+            self.team.note(self._clock(), mavlink.MAV_SEVERITY_WARNING, "ground", text)
+        return len(self.switchboard.heard() - self._names.keys()) < _MAX_STRANGERS
 
     def _heartbeat(self, now_s: float) -> None:
         message = mavlink.MAVLink_heartbeat_message(
@@ -340,7 +368,7 @@ class GroundStation:
         """The name of the link that a frame came on: its sender's, or that of who passes on what its companion says."""
         if port.link != TEAM:
             return OTHERS
-        port_of = self.switchboard.router.port_of
+        port_of = self.switchboard.router.team_port
         if port == port_of(source):
             return self._names.get(source, OTHERS)
         carriers = (known for known in self._names if known[0] == source[0] and port_of(known) == port)
@@ -349,3 +377,7 @@ class GroundStation:
     def _record(self, link: str, now_s: float, frame: bytes) -> None:
         if self._recorder is not None:
             self._recorder.write(link, round(now_s * 1e6), frame)
+
+
+def _place(port: Port) -> str:
+    return f"{port.address[0]}:{port.address[1]}"

@@ -16,7 +16,7 @@ from gcs.router import TEAM, Port, Router
 from onboard.config.schema import GroundConfig
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent, source_of, target_of
-from onboard.protocol.codec import BROADCAST, message_id, split_frames
+from onboard.protocol.codec import BROADCAST, is_sound, message_id, split_frames
 from onboard.protocol.transport import Address, LinkUrl, TransportError
 
 __all__ = ["JOINED_COMPONENTS", "SHARE", "Switchboard"]
@@ -68,7 +68,7 @@ class Switchboard:
         frugal: A component that needs few of the broadcasts: MAVSDK.
 
     Attributes:
-        rejected: Pieces of datagrams that are no frame.
+        rejected: Pieces of datagrams that are no frame, or one that cannot be read of somebody new.
         router: Who is where.
     """
 
@@ -86,11 +86,11 @@ class Switchboard:
         self._missed = missed
         self._frugal = frugal
         self._links: dict[str, Socket] = {}
-        self._admits: Callable[[SystemComponent], bool] = lambda _: True
+        self._admits: Callable[[SystemComponent, Port], bool] = lambda _source, _port: True
         self._is_genuine: Callable[[bytes, SystemComponent, float], bool] = lambda _frame, _source, _arrived_s: True
 
-    def admit(self, admits: Callable[[SystemComponent], bool]) -> None:
-        """Ask this about every component that is heard for the first time on the team's link."""
+    def admit(self, admits: Callable[[SystemComponent, Port], bool]) -> None:
+        """Ask this about every component that is heard for the first time on the team's link, and where."""
         self._admits = admits
 
     def verify(self, is_genuine: Callable[[bytes, SystemComponent, float], bool]) -> None:
@@ -181,23 +181,26 @@ class Switchboard:
                 self.rejected += 1
                 continue
             source = source_of(frame)
-            if link == TEAM and self.router.team_port(source) is None and not self._admits(source):
+            if not self.router.is_at(source, port) and not is_sound(frame):
+                self.rejected += 1  # nobody's orders go where garbage came from
+                continue
+            if link == TEAM and self.router.team_port(source) is None and not self._admits(source, port):
                 continue
             if link == TEAM and not self._is_genuine(frame, source, arrived_s):
                 continue
             if not self.router.receive(frame, port, arrived_s):
                 continue
-            copy = link == TEAM and self.router.port_of(source) != port
+            copy = link == TEAM and self.router.team_port(source) != port
             if not copy and (link != TEAM or self.router.has_guests):
                 self._pass_on(frame, port)
             self._deliver(frame, source, port, arrived_s)
 
     def _pass_on(self, frame: bytes, came_from: Port) -> None:
-        spared = None
+        spared: set[Port] = set()
         if came_from.link == TEAM and target_of(frame)[0] == BROADCAST and message_id(frame) not in _NEEDED_BY_MAVSDK:
-            spared = self.router.port_of(self._frugal)
+            spared = self.router.guest_ports(self._frugal)
         for port in self.router.ways(frame, came_from):
-            if port != spared:
+            if port not in spared:
                 self._transmit(frame, port)
 
     def _transmit(self, frame: bytes, port: Port) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from gcs.attention import Hole, Listening
-from gcs.commands import AUTOPILOT, ONBOARD
+from gcs.commands import AUTOPILOT, ONBOARD, component_name
 from gcs.explored import ExploredArea, ExploredMonitor
 from gcs.metrics import EstimateMetrics, MetricsFigures, NotGaussianError, TargetState
 from gcs.output import printable
@@ -242,14 +242,11 @@ class TeamMonitor:
         self._explored.advance(now_s)
         for vehicle in self._vehicles.values():
             autopilot_age_s, onboard_age_s = vehicle.heartbeat_ages_s(now_s)
-            for component, name, age in (
-                (AUTOPILOT, "autopilot", autopilot_age_s),
-                (ONBOARD, "onboard process", onboard_age_s),
-            ):
+            for component, age in ((AUTOPILOT, autopilot_age_s), (ONBOARD, onboard_age_s)):
                 if age is None or age < HEARTBEAT_TIMEOUT_S or (vehicle.id, component) in self._lost:
                     continue
                 self._lost.add((vehicle.id, component))
-                text = f"{name} is silent: no heartbeat for {age:.1f} s"
+                text = f"{component_name(component)} is silent: no heartbeat for {age:.1f} s"
                 self.note(now_s, mavlink.MAV_SEVERITY_ERROR, f"vehicle {vehicle.id}", text)
 
     def take_events(self) -> list[Event]:
@@ -345,8 +342,8 @@ class TeamMonitor:
             vehicle.onboard_heartbeat(now_s)
         if (vehicle.id, component) in self._lost:
             self._lost.discard((vehicle.id, component))
-            name = "autopilot" if component == AUTOPILOT else "onboard process"
-            self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, f"vehicle {vehicle.id}", f"{name} is heard again")
+            text = f"{component_name(component)} is heard again"
+            self.note(now_s, mavlink.MAV_SEVERITY_NOTICE, f"vehicle {vehicle.id}", text)
 
     def _planner_status(
         self, message: mavlink.MAVLink_planner_status_message, vehicle: VehicleMonitor, now_s: float

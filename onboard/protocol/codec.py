@@ -12,7 +12,16 @@ from typing import Any
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.signing import LinkSigning, Verdict
 
-__all__ = ["BROADCAST", "BROADCAST_BY_ALL", "Codec", "RefusalNotice", "frame_length", "message_id", "split_frames"]
+__all__ = [
+    "BROADCAST",
+    "BROADCAST_BY_ALL",
+    "Codec",
+    "RefusalNotice",
+    "frame_length",
+    "is_sound",
+    "message_id",
+    "split_frames",
+]
 
 BROADCAST = 0
 """Target system or component that addresses everybody."""
@@ -96,7 +105,7 @@ class RefusalNotice:
     def __init__(self) -> None:
         self._told: dict[str, tuple[float, int, float]] = {}
 
-    def update(self, link: str, refused: Counter[Verdict], time_s: float) -> str | None:
+    def update(self, link: str, refused: Counter[Verdict] | Counter[str], time_s: float) -> str | None:
         """One line if there is something new to say of a link at a UNIX time."""
         told_s, told, pause_s = self._told.get(link, (-math.inf, 0, _FIRST_PAUSE_S))
         if refused.total() == told or time_s - told_s < pause_s:
@@ -146,6 +155,16 @@ def _frame(kind: type[mavlink.MAVLink_message], payload: bytes, packer: mavlink.
 def message_id(frame: bytes) -> int:
     """The message id in a whole frame of either version."""
     return frame[5] if frame[0] == _MAGIC_V1 else int.from_bytes(frame[7:10], "little")
+
+
+def is_sound(frame: bytes) -> bool:
+    """Whether a whole frame is of a message that the dialect has, and its checksum is right."""
+    kind = mavlink.mavlink_map.get(message_id(frame))
+    if kind is None:
+        return False
+    end = frame[1] + (mavlink.HEADER_LEN_V1 if frame[0] == _MAGIC_V1 else mavlink.HEADER_LEN_V2)
+    checksum: int = mavlink.x25crc(frame[1:end] + bytes((kind.crc_extra,))).crc
+    return checksum.to_bytes(2, "little") == frame[end : end + 2]
 
 
 def split_frames(datagram: bytes) -> Iterator[bytes | None]:

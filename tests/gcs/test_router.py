@@ -55,13 +55,34 @@ def test_an_acknowledgement_goes_to_who_asked_only(router):
 
 def test_the_direct_way_to_a_component_beats_the_copy_that_its_autopilot_forwards(router):
     router.receive(frame(2, 191), TWO, 1.0)
-    assert router.port_of((2, 191)) == TWO_B
+    assert router.team_port((2, 191)) == TWO_B
     # After a standstill of this program, the copy may be the first to be read.
     router.receive(frame(2, 191), TWO, 60.0)
-    assert router.port_of((2, 191)) == TWO
+    assert router.team_port((2, 191)) == TWO
     router.receive(frame(2, 191), TWO_B, 60.1)
     router.receive(frame(2, 191), TWO, 60.2)
-    assert router.port_of((2, 191)) == TWO_B
+    assert router.team_port((2, 191)) == TWO_B
+
+
+def test_ground_stations_with_one_id_all_get_what_is_addressed_to_it(router):
+    """QGroundControl is 255/190 wherever it runs."""
+    router.receive(frame(255, 190), PROXY, 0.0)
+    ack = mavlink.MAVLink_command_ack_message(400, 0, 0, 0, 255, 190)
+    assert set(router.ways(frame(1, 1, ack), ONE)) == {QGC, PROXY}
+
+
+def test_a_component_that_is_heard_at_two_places_is_told_once_and_one_that_moved_is_not(router):
+    other, moved = Port(TEAM, ("10.0.0.9", 18571)), Port(TEAM, ("10.0.0.9", 40003))
+    for tenth in range(80):
+        now_s = 0.1 * tenth
+        for port in (ONE, other):
+            router.receive(frame(1, 1), port, now_s)
+        router.receive(frame(2, 191), moved, now_s)
+        router.receive(frame(2, 191), TWO, now_s)  # its autopilot forwards it
+    assert router.take_doubled() == [((1, 1), ONE, other)]
+    assert router.take_doubled() == []
+    assert router.team_port((1, 1)) == ONE
+    assert router.team_port((2, 191)) == moved
 
 
 def test_vehicles_are_not_connected_with_each_other(router):

@@ -217,6 +217,32 @@ def test_garbage_and_crowds_of_strangers_are_survived(station, heartbeat, remote
     assert len(station.loop.take("HEARTBEAT")) == 1 + 32
 
 
+def test_strangers_doubles_and_what_cannot_be_read_are_told_and_not_shown(station, remotes, clock, heartbeat):
+    twin = Remote(station, 1, 1, 50001)
+    stranger = Remote(station, 9, 1, 50002)
+    for i in range(80):
+        remotes[1, 1].say(heartbeat(), mavlink.MAVLink_local_position_ned_message(i, 1.0, 2.0, -1.0, 0.0, 0.0, 0.0))
+        twin.say(heartbeat(), mavlink.MAVLink_local_position_ned_message(i, 3.0, 7.0, -1.0, 0.0, 0.0, 0.0))
+        stranger.say(heartbeat())
+        damaged = bytearray(Codec(1, 1).encode(heartbeat()))
+        damaged[-1] ^= 1  # as with the checksum of another dialect's message of this number
+        station.switchboard.receive(TEAM, bytes(damaged), remotes[1, 1].address, clock())
+        damaged[6] = 191
+        station.switchboard.receive(TEAM, bytes(damaged) + b"garbage", ("10.0.0.7", 14550), clock())
+        station.tick()
+        clock.now_s += 0.1
+    assert station.team.state(clock()).vehicle(1).north_m == 1.0
+    assert (1, 191) not in station.switchboard.heard(), "what cannot be read says nothing about who is where"
+    told = [event.text for event in station.team.take_events()]
+    assert [text for text in told if text.startswith("system 9")] == [
+        "system 9 is heard from 127.0.0.1:50002, but lab has no such vehicle: it is neither shown nor commanded"
+    ]
+    assert [text[:61] for text in told if "two vehicles" in text] == [
+        "autopilot is heard from 127.0.0.1:18570 and from 127.0.0.1:50"
+    ]
+    assert "2 no MAVLink, 1 with a wrong checksum" in next(text for text in told if "frames refused" in text)
+
+
 def test_who_was_never_heard_is_not_sent_to(station, clock):
     station.director.land(clock.now_s, HURRIED)
     station.tick()
