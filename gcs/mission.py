@@ -92,6 +92,12 @@ class MissionDirector:
         """Whether there is nothing left to command."""
         return self.phase in (Phase.DONE, Phase.GAVE_UP)
 
+    def phase_text(self, team: TeamState) -> str:
+        """Where the team is in its flight, in words."""
+        if self.phase is Phase.FLYING and all(vehicle.flew and vehicle.safe_on_ground for vehicle in team.vehicles):
+            return Phase.DONE.value  # landed by others; a vehicle may still be started again
+        return self.phase.value
+
     def time_left_s(self, now_s: float) -> float | None:
         """From now to the landing, s; None before the start."""
         return None if self.start_s is None else max(0.0, self.start_s + self._duration_s - now_s)

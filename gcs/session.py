@@ -102,7 +102,7 @@ async def run_session(
             display.show(team, WATCHING, None)
         else:
             left_s = director.time_left_s(now_s) if director.landing_since_s is None else None
-            display.show(team, director.phase.value, left_s)
+            display.show(team, director.phase_text(team), left_s)
         reason = failed(team)
         if reason is not None:
             return reason
