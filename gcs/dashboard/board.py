@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from gcs.attention import BEHIND_S
 from gcs.dashboard.history import EventLog, FlightHistory
 from gcs.dashboard.view import Columns, MapLayers, MapView, estimate_columns
+from gcs.mission import Phase
 from gcs.operator_desk import CommandRecord, OperatorDesk, Order
 from gcs.team import Event, TeamState
 from onboard.config import Scenario
@@ -85,10 +86,7 @@ class Board:
         history: Figures and trails.
         events: The log.
         map_view: Knows the mission area.
-        lost_text: What a browser says that no longer reaches us.
     """
-
-    lost_text = "No connection to the ground station: what you see is old. The vehicles fly on without it."
 
     def __init__(self, scenario: Scenario, feed: DashboardFeed, clock: Callable[[], float] = time.time) -> None:
         """Prepare an empty board.
@@ -108,6 +106,13 @@ class Board:
         self.history = FlightHistory([vehicle.id for vehicle in scenario.vehicles], self.map_view.bounds)
         self.events = EventLog()
         self._estimates: dict[int | str, Columns] = {}
+
+    @property
+    def lost_text(self) -> str:
+        """What a browser says that no longer reaches us."""
+        if self.moment is not None and self.moment.phase == Phase.DONE.value:
+            return "The flight is over: all are on the ground. What you see is its end."
+        return "No connection to the ground station: what you see is old. The vehicles fly on without it."
 
     def refresh(self) -> None:
         """Take what the flight has handed over."""

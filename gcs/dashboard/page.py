@@ -32,6 +32,9 @@ _TEXT_EVERY = 2
 
 _CHARTS_EVERY = 5
 
+_TELL_LOST = "document.getElementById('lost').textContent = panel.tags[0];"
+"""What will be said when this is no longer reached has to be in the browser before."""
+
 _REPAINT_PAGE = """
 document.documentElement.dataset.theme = button.tags[0];
 document.cookie = "arvi-theme=" + button.tags[0] + ";path=/;max-age=31536000;samesite=strict";
@@ -66,13 +69,19 @@ def build_page(
     with document.models.freeze():  # otherwise bokeh walks all models anew for each root
         for root in page.roots:
             document.add_root(root)
-    document.title = f"{board.scenario.name} · ARVI"
     document.template = get_env().from_string(files("gcs.dashboard").joinpath("page.html").read_text(encoding="utf-8"))
     document.template_variables.update(theme=page.theme.name, charts=CHARTS, lost=board.lost_text)
     document.js_on_event(ConnectionLost, CustomJS(code="document.getElementById('lost').classList.add('on')"))
     document.js_on_event(ClientReconnected, CustomJS(code="document.getElementById('lost').classList.remove('on')"))
     document.js_on_event(DocumentReady, CustomJS(code="document.documentElement.dataset.ready = 'yes'"))
-    document.add_periodic_callback(page.refresh, REFRESH_MS)
+
+    def refresh() -> None:
+        page.refresh()
+        if document.title != page.title:
+            document.title = page.title
+
+    document.title = page.title
+    document.add_periodic_callback(refresh, REFRESH_MS)
     return page
 
 
@@ -101,6 +110,7 @@ class Page:
             truth_known=simulated is not None,
         )
         self._headline = _panel("headline", TEXT)
+        self._headline.js_on_change("tags", CustomJS(args={"panel": self._headline}, code=_TELL_LOST))
         self._vehicles = _panel("vehicles", TABLE)
         self._commands = _panel("commands", EVENTS)
         self._events = _panel("events", EVENTS)
@@ -160,6 +170,8 @@ class Page:
         name = f"ARVI · {self._board.scenario.name}"
         news = next(iter(self._board.events.find(limit=1)), None)
         _say(self._headline, panels.headline(moment, name, self._board.behind_s, news))
+        if self._headline.tags != [self._board.lost_text]:
+            self._headline.tags = [self._board.lost_text]
         _say(self._vehicles, panels.vehicle_table(moment.team if moment else None, self._board.map_view.bounds))
         if self._events_at != self._board.events.serial:
             self._show_events()
@@ -168,6 +180,11 @@ class Page:
             _say(self._commands, panels.command_lines(moment.commands, latest))
             notices = "; ".join(self._board.layers.notices)
             _say(self._notice, f"<span class='alarm'>{notices}</span>" if notices else "")
+
+    @property
+    def title(self) -> str:
+        """What the browser's tab says: it may be one of many."""
+        return panels.title(self._board.moment, self._board.scenario.name)
 
     def _show_events(self) -> None:
         self._events_at = self._board.events.serial

@@ -20,7 +20,7 @@ from gcs.operator_desk import CommandRecord, Outcome, refusal_reason
 from gcs.team import Event, TeamState
 from gcs.vehicle_state import VehicleState
 
-__all__ = ["SEVERITIES", "command_lines", "event_lines", "headline", "vehicle_table"]
+__all__ = ["SEVERITIES", "command_lines", "event_lines", "headline", "title", "vehicle_table"]
 
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 """By MAV_SEVERITY."""
@@ -75,14 +75,26 @@ def headline(moment: Moment | None, name: str, behind_s: float | None = None, la
     ]
     if left is not None and math.isfinite(left):
         facts.append(("left", f"{left:.0f} s"))
-    silent = [str(vehicle.id) for vehicle in team.vehicles if vehicle_is_silent(vehicle)]
-    alarm = f"<span class='alarm'>vehicle {', '.join(silent)} silent</span>" if silent else ""
+    silence = _silence(team)
+    alarm = f"<span class='alarm'>{silence}</span>" if silence else ""
     if behind_s is not None:
         alarm = f"<span class='alarm'>{behind_text(behind_s)}: what you see is old</span>{alarm}"
     items = "".join(f"<span class='fact'><i>{label}</i> {value}</span>" for label, value in facts)
     return (
         f"<div class='line'><b>{escape(name)}</b><span class='phase'>{escape(moment.phase)}</span>{alarm}{items}</div>"
     )
+
+
+def title(moment: Moment | None, name: str) -> str:
+    """The same for a browser's tab: what is wrong, or what the flight does."""
+    words = "starting" if moment is None else _silence(moment.team) or moment.phase
+    return f"{words} · {name} · ARVI"
+
+
+def _silence(team: TeamState) -> str:
+    """Which vehicles are silent, in words; empty when none is."""
+    silent = [str(vehicle.id) for vehicle in team.vehicles if vehicle_is_silent(vehicle)]
+    return f"vehicle{'s' * (len(silent) > 1)} {', '.join(silent)} silent" if silent else ""
 
 
 def vehicle_table(team: TeamState | None, bounds: MapBounds) -> str:

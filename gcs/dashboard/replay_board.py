@@ -18,13 +18,16 @@ class ReplayBoard(Board):
         player: What to show.
     """
 
-    lost_text = "The replay has been stopped: arvi replay shows it again."
-
     def __init__(self, feed: DashboardFeed, player: Player) -> None:
         super().__init__(player.replay.recording.scenario, feed)
         self.player = player
         self._tick = -1
         self._jumps = 0
+
+    @property
+    def lost_text(self) -> str:
+        """What a browser says that no longer reaches us."""
+        return "The replay has been stopped: arvi replay shows it again."
 
     def refresh(self) -> None:
         """Go on, and show where that led."""

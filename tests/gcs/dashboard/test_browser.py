@@ -13,6 +13,7 @@ import pytest
 from gcs.commands import ONBOARD
 from gcs.dashboard.board import Board, DashboardFeed
 from gcs.dashboard.server import Address, find_port, serve_dashboard
+from gcs.mission import Phase
 from gcs.operator_desk import Action, OperatorDesk, Way, command_for
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import CommandOutcome
@@ -35,6 +36,7 @@ class Flight:
     orders: list = field(default_factory=list)
     result: int | None = 0
     over: threading.Event = field(default_factory=threading.Event)
+    phase: Phase = Phase.FLYING
     stopped: bool = False
     server_stopped: bool = False
 
@@ -58,7 +60,7 @@ class Flight:
             self.team.monitor.advance(now_s)
             for event in self.team.monitor.take_events():
                 self.feed.event(event)
-            self.feed.show(state, "flying", None)
+            self.feed.show(state, self.phase.value, None)
 
 
 @pytest.fixture
@@ -182,6 +184,7 @@ def test_the_table_moves_on_and_a_dead_vehicle_turns_red_within_five_seconds(pag
     assert "SILENT" in row.inner_text()
     assert page.locator("tr.silent").count() == 1
     page.get_by_text("vehicle 2 silent").wait_for()
+    assert page.title().startswith("vehicle 2 silent")
     flight.team.dead.clear()
     page.locator("tr[data-vehicle='2']:not(.silent)").wait_for()
 
@@ -199,6 +202,15 @@ def test_what_is_old_is_said_to_be_old_whoever_stopped(page, flight):
     stale.wait_for()
     flight.server_stopped = False
     stale.wait_for(state="hidden")
+
+
+def test_the_end_of_a_flight_is_no_lost_connection(page, flight):
+    lost = page.locator("#lost")
+    assert "The vehicles fly on without it" in lost.text_content()
+    assert page.title() == "flying · lab · ARVI"
+    flight.phase = Phase.DONE
+    wait_until(lambda: "The flight is over" in lost.text_content())
+    assert page.title() == "on the ground · lab · ARVI"
 
 
 def test_a_reload_in_flight_recovers_with_its_history(page, flight):

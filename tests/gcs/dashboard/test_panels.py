@@ -97,7 +97,7 @@ def test_the_headline_counts_and_warns(fake_team):
     text = re.sub(r"<[^>]+>", "", panels.headline(Moment(state, "flying", 12.4, ()), "ARVI"))
     assert "targets found 2 of 5" in text
     assert "left 12 s" in text
-    assert "vehicle 1, 2, 3 silent" in text
+    assert "vehicles 1, 2, 3 silent" in text
     begun = panels.headline(None, "<b>", latest=Event(T0, 6, "launcher", "compiling <kernels>"))
     assert "starting" in begun
     assert "launcher: compiling &lt;kernels&gt;" in begun
