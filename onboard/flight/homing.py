@@ -33,11 +33,13 @@ class Homing:
 
     Attributes:
         home: Where it lands, mission frame; it may change on the way.
+        since_s: UNIX time at which it set out.
         by_s: UNIX time until which it waits for a good moment to land.
     """
 
     def __init__(self, config: FlightConfig, link: AutopilotLink, home: Pose) -> None:
         self.home = home
+        self.since_s = -math.inf
         self.by_s = math.inf
         self._config = config
         self._link = link
@@ -46,7 +48,7 @@ class Homing:
     def set_out(self, time_s: float, start: Pose) -> Transfer:
         """The way home from a place, to be flown from a UNIX time on."""
         way = Transfer(time_s, start, self.home.north_m, self.home.east_m, self._config.return_speed_m_s)
-        self.by_s = way.end_s + self._config.return_patience_s
+        self.since_s, self.by_s = time_s, way.end_s + self._config.return_patience_s
         self._arrived_s = math.inf
         return way
 

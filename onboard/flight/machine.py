@@ -117,7 +117,11 @@ class FlightMachine:
         home = Pose(north_m, east_m, self.home.yaw_rad)
         away_m, self._homing.home = home.distance_m(self.home), home
         self._say(mavlink.MAV_SEVERITY_WARNING, f"home may be taken by a teammate; landing {away_m:.1f} m from it")
-        start = self._link.pose() or self._course.pose(time_s) or home
+        self._set_out_anew(time_s)
+
+    def _set_out_anew(self, time_s: float) -> None:
+        """On the way home: from here on."""
+        start = self._link.pose() or self._course.pose(time_s) or self.home
         self._course.trajectory = self._homing.set_out(time_s, start)
 
     def rejoin(self, time_s: float) -> bool:
@@ -331,6 +335,8 @@ class FlightMachine:
         return FlightState.TRACK
 
     def _return(self, time_s: float, may_descend: bool) -> FlightState:
+        if time_s < self._homing.since_s:  # the clock was set back, perhaps by hours
+            self._set_out_anew(time_s)
         if self._homing.lands(time_s, at_layer=self._ascent.near_layer, may_descend=may_descend):
             return FlightState.LAND
         if time_s >= self._homing.by_s:

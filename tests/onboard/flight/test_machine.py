@@ -657,6 +657,19 @@ def test_a_clock_that_is_set_back_by_an_hour_does_not_keep_it_from_landing(fligh
     flight.until(lambda: flight.machine.state is FlightState.LANDED, 10.0)
 
 
+def test_a_clock_that_is_set_back_by_an_hour_does_not_keep_it_from_coming_home(flight: Flight) -> None:
+    flight.fly_to(FlightState.TRACK)
+    flight.run(2.5)
+    away_m = math.dist(flight.position[:2], VEHICLE.home)
+    flight.machine.land(flight.time_s)
+    flight.run(0.5)
+    assert flight.machine.state is FlightState.RETURN
+    flight.time_s -= 3600.0
+    flight.boot_s -= 3600.0
+    flight.until(lambda: flight.machine.state is FlightState.LANDED, 30.0)
+    assert math.dist(flight.position[:2], VEHICLE.home) < OVER_HOME_M < away_m
+
+
 def test_the_loss_and_return_of_the_link_are_told(flight: Flight) -> None:
     flight.fly_to(FlightState.HOLD)
     flight.silent = True
