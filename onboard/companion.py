@@ -23,7 +23,7 @@ from onboard.flight.failsafes import Condition
 from onboard.flight.machine import FlightMachine
 from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
-from onboard.flight.states import AIRBORNE, COMMANDED
+from onboard.flight.states import AIRBORNE, COMMANDED, PLANNING, UNDER_WAY
 from onboard.hearing import Hearing
 from onboard.landing_place import LandingPlace
 from onboard.last_resort import LastResort
@@ -231,7 +231,7 @@ class Companion:
         """What gives reason to worry, but for the autopilot."""
         flown = self.machine.state in COMMANDED
         worries = self._clocks.seen(time_s) | silences(self._hearing, time_s, flown=flown)
-        if self._mission is not None and self.machine.state in (FlightState.HOLD, FlightState.TRACK):
+        if self._mission is not None and self.machine.state in PLANNING:
             worries |= self._mission.desk.seen(time_s)
         if self.machine.state in AIRBORNE:
             worries |= self._last_resort.dangers
@@ -249,7 +249,7 @@ class Companion:
 
     def leave(self, time_s: float) -> bool:
         """Land where the vehicle is, since this process ends; whether it may end now."""
-        if self.machine.state in (FlightState.ARM, *COMMANDED):
+        if self.machine.state in UNDER_WAY:
             self.machine.land_here(time_s)
         return self.machine.state is not FlightState.LAND or self.machine.autopilot_lands
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from onboard.config.polygon import Point, contains, nearest_on_segment
 from onboard.config.schema import Scenario
 from onboard.config.vehicle import VehicleConfig
+from onboard.flight.states import PLANNING
 from onboard.messages import FlightState, PeerStatus
 from onboard.strays import Stray
 
@@ -19,7 +20,7 @@ RING_M = 0.2
 FARTHEST_M = 4.0
 _DIRECTIONS = 16
 
-_ELSEWHERE_SOON = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK)
+_ELSEWHERE_SOON = (FlightState.TAKEOFF, *PLANNING)
 
 
 class LandingPlace:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from onboard.flight.events import Refusal
 from onboard.flight.machine import FlightMachine
-from onboard.flight.states import AIRBORNE, IDLE
+from onboard.flight.states import AIRBORNE, IDLE, PLANNING
 from onboard.messages import FlightState, PeerStatus
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.codec import BROADCAST
@@ -83,7 +83,7 @@ class Orders:
         Returns:
             UNIX time of step 0 of the mission that is taken up, s; None if none is.
         """
-        flies = teammate.state in (FlightState.HOLD, FlightState.TRACK)
+        flies = teammate.state in PLANNING
         start_s = teammate.mission_start_s
         return start_s if flies and start_s is not None and self._takes_up(start_s, time_s) else None
 

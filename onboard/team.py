@@ -6,13 +6,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from onboard.flight.states import COMMANDED, PLANNING
 from onboard.messages import FlightState, PeerStatus
 
 __all__ = ["Group", "TeamTable"]
 
-_PLANNING = (FlightState.HOLD, FlightState.TRACK)
 _ABOUT_TO_FLY = (FlightState.WAIT, FlightState.STANDBY, FlightState.ARM)
-_IN_THE_WAY = (FlightState.TAKEOFF, FlightState.HOLD, FlightState.TRACK, FlightState.RETURN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +65,7 @@ class TeamTable:
         members = {self._system_id}
         for peer in self.neighbours(time_s):
             status = self._heard[peer][1]
-            if status.state not in _PLANNING or status.mission_start_s != mission_start_s:
+            if status.state not in PLANNING or status.mission_start_s != mission_start_s:
                 continue
             members.add(peer)
             members.update(other for other in status.neighbours if self._flies_plans(other, time_s))
@@ -85,7 +84,7 @@ class TeamTable:
         )
 
     def _crosses(self, status: PeerStatus) -> bool:
-        return status.state in _IN_THE_WAY and not status.over_home
+        return status.state in COMMANDED and not status.over_home
 
     def _may_cross(self, status: PeerStatus) -> bool:
         """Whether a peer that is heard no more may be in the way since."""
@@ -93,4 +92,4 @@ class TeamTable:
 
     def _flies_plans(self, peer: int, time_s: float) -> bool:
         known = self.status(peer, time_s)
-        return known is None or known.state in _PLANNING
+        return known is None or known.state in PLANNING

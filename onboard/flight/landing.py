@@ -40,7 +40,7 @@ class Landing:
     def down(self, time_s: float, holder: Holder) -> bool:
         """Whether it is down; asks for the landing mode unless that shows or the autopilot's own failsafe has it."""
         heard, behaviour = self._link.heard, self._link.behaviour
-        if heard.on_ground and not heard.armed:
+        if heard.stands:
             return True
         if heard.mode == behaviour.land_mode:
             self.taken = self._shown = True

@@ -27,7 +27,7 @@ from onboard.flight.landing import Landing
 from onboard.flight.reactions import following
 from onboard.flight.readiness import Readiness
 from onboard.flight.setpoints import HeightReference, Setpoint
-from onboard.flight.states import AIRBORNE, COMMANDED, FLOWN
+from onboard.flight.states import AIRBORNE, COMMANDED, FLOWN, PLANNING, UNDER_WAY
 from onboard.flight.trajectory import Hold, Trajectory
 from onboard.flight.watch import FLIGHT, FlightWatch
 from onboard.geometry import Pose
@@ -94,7 +94,7 @@ class FlightMachine:
 
     def start(self, time_s: float) -> Refusal | None:
         """Arm and take off; asking again in flight changes nothing."""
-        if self.state in (FlightState.ARM, *COMMANDED):
+        if self.state in UNDER_WAY:
             return None
         if why := self._readiness.start_hindrance(self.state, time_s):
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"start refused: {why}")
@@ -143,7 +143,7 @@ class FlightMachine:
 
     def pause(self, time_s: float) -> Refusal | None:
         """Hold at the present place."""
-        if self.state not in (FlightState.HOLD, FlightState.TRACK):
+        if self.state not in PLANNING:
             return Refusal(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, f"pause refused: state is {self.state.name}")
         self._paused = True
         self._course.forget_plans()
@@ -168,7 +168,7 @@ class FlightMachine:
     @property
     def wants_plans(self) -> bool:
         """Whether a plan would be flown."""
-        return self.state in (FlightState.HOLD, FlightState.TRACK) and not self._paused and not self._held
+        return self.state in PLANNING and not self._paused and not self._held
 
     @property
     def blind(self) -> bool:
@@ -189,7 +189,7 @@ class FlightMachine:
             return self._watch.holder is not Holder.WE or self.blind
         if self.state is FlightState.LAND:
             return not self._link.has_position(time_s)
-        return self.state is not FlightState.LANDED and heard.armed and heard.on_ground is False
+        return self.state is not FlightState.LANDED and heard.in_the_air
 
     @property
     def autopilot_lands(self) -> bool:
@@ -254,7 +254,7 @@ class FlightMachine:
         measured, down_m = None, None
         if self.state is not FlightState.ARM and link.has_position(time_s) and not self.blind:
             measured, down_m = link.pose(), link.down_m
-        with_next = self.state in (FlightState.HOLD, FlightState.TRACK)
+        with_next = self.state in PLANNING
         setpoint = course.setpoint(time_s, measured, down_m, link.behaviour.response, with_next=with_next)
         brake_m_s = link.motion.brake_m_s if self._held else None
         return setpoint if setpoint is None or brake_m_s is None else setpoint.at_velocity(*brake_m_s)
@@ -271,7 +271,7 @@ class FlightMachine:
         self._since_s = time_s
         self._events += self.ladder.events()  # the reason comes before what comes of it
         self._say(mavlink.MAV_SEVERITY_INFO, f"{previous.name} -> {state.name}")
-        if state not in (FlightState.ARM, *COMMANDED):
+        if state not in UNDER_WAY:
             self.ladder.forget(*FLIGHT)
             self._ordered = None
         if state is FlightState.ARM:
@@ -352,7 +352,7 @@ class FlightMachine:
         return FlightState.LANDED
 
     def _released(self, time_s: float, may_descend: bool) -> FlightState:
-        grounded = self._link.alive(time_s) and self._link.heard.on_ground and not self._link.heard.armed
+        grounded = self._link.alive(time_s) and self._link.heard.stands
         return FlightState.WAIT if grounded else FlightState.RELEASED
 
     # What the link tells.
@@ -374,7 +374,7 @@ class FlightMachine:
 
     def _order(self, condition: Condition, time_s: float) -> None:
         """What somebody asks for is a condition like the others, and comes at once."""
-        if self.state in (FlightState.ARM, *COMMANDED):
+        if self.state in UNDER_WAY:
             self._ordered = condition
             self._react(time_s)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from onboard.flight.failsafes import Action
-from onboard.flight.states import AIRBORNE, COMMANDED
+from onboard.flight.states import AIRBORNE, UNDER_WAY
 from onboard.messages import FlightState
 
 __all__ = ["following"]
@@ -19,7 +19,7 @@ _LEADS: Mapping[Action, Mapping[FlightState, FlightState]] = MappingProxyType(
         Action.HOLD: {_S.TRACK: _S.HOLD},
         Action.RETURN: {_S.ARM: _S.LAND, _S.TAKEOFF: _S.RETURN, _S.HOLD: _S.RETURN, _S.TRACK: _S.RETURN},
         Action.STOP: {_S.TRACK: _S.HOLD, _S.RETURN: _S.HOLD},
-        Action.LAND: dict.fromkeys((_S.ARM, *COMMANDED), _S.LAND),
+        Action.LAND: dict.fromkeys(UNDER_WAY, _S.LAND),
         Action.GIVE_UP: {_S.ARM: _S.STANDBY},
         Action.LET_GO: dict.fromkeys(AIRBORNE, _S.RELEASED),
     }

@@ -52,7 +52,7 @@ class Readiness:
         """Why a flight may not begin in a state, in words; empty if it may."""
         if state in _BUSY:
             return _BUSY[state]
-        if self._in_the_air and not self._ours:
+        if self._link.heard.in_the_air and not self._ours:
             return f"somebody else flies the vehicle, in {self._link.mode_name}"
         if lack := self._link.lacks(time_s):
             return f"the autopilot is not ready: {lack}"
@@ -61,11 +61,7 @@ class Readiness:
     def may_rejoin(self, state: FlightState, time_s: float) -> bool:
         """Whether an idle process finds its vehicle in the air: in the guided mode or a failsafe that a stream ends."""
         known = self._link.alive(time_s) and self._link.has_position(time_s)
-        return state in IDLE and known and self._in_the_air and self._ours
-
-    @property
-    def _in_the_air(self) -> bool:
-        return self._link.heard.armed and self._link.heard.on_ground is False
+        return state in IDLE and known and self._link.heard.in_the_air and self._ours
 
     @property
     def _ours(self) -> bool:

@@ -105,6 +105,16 @@ class Telemetry:
                 self.on_ground = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
 
     @property
+    def in_the_air(self) -> bool:
+        """Whether it is armed, and known to have left the ground."""
+        return self.armed and self.on_ground is False
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is disarmed, and known to be on the ground."""
+        return self.on_ground is True and not self.armed
+
+    @property
     def unaided(self) -> bool:
         """Whether the estimate of the position runs on inertial sensors alone."""
         return self._estimator_unaided or self._vision_unhealthy
