@@ -136,6 +136,7 @@ def render(summary: dict[str, Any]) -> RenderableType:
         "plan time\n(p99)",
         "to peers",
         "off track\n(RMS)",
+        "past\nfence",
         "closest",
     ):
         table.add_column(name, justify="right", no_wrap=True)
@@ -150,6 +151,7 @@ def render(summary: dict[str, Any]) -> RenderableType:
             _shown(_milli(vehicle["planning_time_p99_s"]), 0, " ms"),
             _shown(vehicle["peer_bytes_per_s"], 0, " B/s"),
             _off_track(vehicle),
+            _shown(vehicle["true_outside_fence_max_m"], 2, " m"),
             _shown(vehicle["min_separation_m"], 2, " m"),
             _ending(vehicle),
         )
@@ -172,6 +174,7 @@ def _vehicle(vehicle_id: int, figures: VehicleFigures) -> dict[str, Any]:
         "true_tracking_error_rms_m": _rounded(true.position_rms_m if true is not None else None, 4),
         "true_tracking_error_max_m": _rounded(true.position_max_m if true is not None else None, 4),
         "true_yaw_error_rms_deg": _rounded(math.degrees(true.yaw_rms_rad) if true is not None else None, 2),
+        "true_outside_fence_max_m": _rounded(true.outside_fence_max_m if true is not None else None, 3),
         "min_separation_m": _rounded(figures.min_separation_m, 3),
         "landed": figures.landed,
         "disarmed": figures.disarmed,

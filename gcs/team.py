@@ -173,7 +173,11 @@ class TeamMonitor:
         self._listening = Listening()
         self._simulation = scenario.simulation
         self._vehicles = {
-            vehicle.id: VehicleMonitor(vehicle.id, TrackingMonitor(scenario.primitive_set, self._grid), self._listening)
+            vehicle.id: VehicleMonitor(
+                vehicle.id,
+                TrackingMonitor(scenario.primitive_set, self._grid, scenario.mission.fence),
+                self._listening,
+            )
             for vehicle in scenario.vehicles
         }
         self._events: list[Event] = []

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from onboard.clock import MissionClock
+from onboard.config.polygon import Point, outside_distance
 from onboard.flight.trajectory import HOVER, PlanTrajectory
 from onboard.geometry import Pose, wrap_angle
 from onboard.messages import PeerPlan
@@ -32,12 +33,14 @@ class TrackingFigures:
         position_max_m: Horizontal, largest, m.
         yaw_rms_rad: Root mean square, rad.
         samples: True poses that were compared.
+        outside_fence_max_m: How far outside the fence it came, m; 0 if it did not.
     """
 
     position_rms_m: float
     position_max_m: float
     yaw_rms_rad: float
     samples: int
+    outside_fence_max_m: float
 
 
 class TrackingMonitor:
@@ -46,11 +49,14 @@ class TrackingMonitor:
     Args:
         primitives: What the plans' controls index.
         clock: Time of the steps that the plans count in.
+        fence: Plans keep inside: what is outside is tracking error, too.
     """
 
-    def __init__(self, primitives: Sequence[Primitive], clock: MissionClock) -> None:
+    def __init__(self, primitives: Sequence[Primitive], clock: MissionClock, fence: Sequence[Point]) -> None:
         self._primitives = primitives
         self._clock = clock
+        self._fence = fence
+        self._outside_m = 0.0
         self._trajectories: deque[PlanTrajectory] = deque(maxlen=_PLANS)
         self._squares_m2 = 0.0
         self._max_m = 0.0
@@ -73,6 +79,7 @@ class TrackingMonitor:
         self._squares_m2 += error_m**2
         self._max_m = max(self._max_m, error_m)
         self._squares_rad2 += wrap_angle(pose.yaw_rad - planned.yaw_rad) ** 2
+        self._outside_m = max(self._outside_m, outside_distance(self._fence, (pose.north_m, pose.east_m)))
         self._samples += 1
 
     def figures(self) -> TrackingFigures | None:
@@ -84,4 +91,5 @@ class TrackingMonitor:
             position_max_m=self._max_m,
             yaw_rms_rad=math.sqrt(self._squares_rad2 / self._samples),
             samples=self._samples,
+            outside_fence_max_m=self._outside_m,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from onboard.config.polygon import Point, contains, nearest_on_segment
+from onboard.config.polygon import Point, contains, edge_distance
 from onboard.config.schema import Scenario
 from onboard.config.vehicle import VehicleConfig
 from onboard.flight.states import PLANNING
@@ -66,9 +66,9 @@ class LandingPlace:
         mission = self._mission
         return (
             contains(mission.fence, place)
-            and _to_edge(mission.fence, place) >= EDGE_M
+            and edge_distance(mission.fence, place) >= EDGE_M
             and not any(
-                contains(obstacle, place) or _to_edge(obstacle, place) < mission.obstacle_clearance_m
+                contains(obstacle, place) or edge_distance(obstacle, place) < mission.obstacle_clearance_m
                 for obstacle in mission.obstacles
             )
         )
@@ -80,9 +80,3 @@ def _rings(centre: Point) -> Iterator[Point]:
         for direction in range(_DIRECTIONS):
             angle = 2.0 * math.pi * direction / _DIRECTIONS
             yield centre[0] + ring * RING_M * math.cos(angle), centre[1] + ring * RING_M * math.sin(angle)
-
-
-def _to_edge(corners: Sequence[Point], place: Point) -> float:
-    return min(
-        math.dist(place, nearest_on_segment(corners[index - 1], corners[index], place)) for index in range(len(corners))
-    )

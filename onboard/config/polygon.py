@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-__all__ = ["Point", "contains", "is_simple", "meets_segment", "nearest_on_segment", "overlap"]
+__all__ = [
+    "Point",
+    "contains",
+    "edge_distance",
+    "is_simple",
+    "meets_segment",
+    "nearest_on_segment",
+    "outside_distance",
+    "overlap",
+]
 
 Point = tuple[float, float]
 
@@ -46,6 +56,18 @@ def nearest_on_segment(start: Point, end: Point, point: Point) -> Point:
     along = ((point[0] - start[0]) * north + (point[1] - start[1]) * east) / square if square > 0.0 else 0.0
     along = min(max(along, 0.0), 1.0)
     return start[0] + along * north, start[1] + along * east
+
+
+def edge_distance(corners: Sequence[Point], point: Point) -> float:
+    """From a point to the nearest edge, m."""
+    return min(
+        math.dist(point, nearest_on_segment(corners[index - 1], corners[index], point)) for index in range(len(corners))
+    )
+
+
+def outside_distance(corners: Sequence[Point], point: Point) -> float:
+    """How far a point is outside, m; 0 inside."""
+    return 0.0 if contains(corners, point) else edge_distance(corners, point)
 
 
 def overlap(first: Sequence[Point], second: Sequence[Point]) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from onboard.config import Scenario
-from onboard.config.polygon import contains
+from onboard.config.polygon import outside_distance
 from sim_bridge.reliability.case import SEPARATION_M, Case, Expected
 from sim_bridge.reliability.flight import Flight
 from sim_bridge.reliability.phases import HELD, Phase
@@ -179,20 +179,9 @@ def _tracked(flight: Flight) -> float | None:
 
 def _outside_m(flight: Flight, scenario: Scenario, since_s: float) -> list[float]:
     """How far each vehicle is outside the fence in each sample since a time, m; 0 inside."""
-    fence = scenario.mission.fence
     return [
-        0.0 if contains(fence, (north, east)) else _distance_m(fence, north, east)
+        outside_distance(scenario.mission.fence, (north, east))
         for sample in flight.samples
         if sample.time_s > since_s
         for north, east, _ in sample.positions.values()
     ]
-
-
-def _distance_m(corners: tuple[tuple[float, float], ...], north: float, east: float) -> float:
-    """From a place to the nearest edge of a polygon, m."""
-    best = math.inf
-    for (n0, e0), (n1, e1) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        along = ((north - n0) * (n1 - n0) + (east - e0) * (e1 - e0)) / ((n1 - n0) ** 2 + (e1 - e0) ** 2)
-        along = min(max(along, 0.0), 1.0)
-        best = min(best, math.hypot(north - n0 - along * (n1 - n0), east - e0 - along * (e1 - e0)))
-    return best

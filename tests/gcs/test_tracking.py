@@ -13,6 +13,8 @@ from onboard.planning.primitives import Primitive
 STRAIGHT, TURN = 0, 1
 PRIMITIVES = (Primitive(1.0, 0.0), Primitive(1.0, 1.0))
 
+FENCE = ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0))
+
 
 def plan(step, start, controls):
     return PeerPlan(1, step, start, tuple(controls), 0.0, 0.0, 0.0, 0.0, 1, 0.1, 0.1, 1, True, False)
@@ -20,7 +22,7 @@ def plan(step, start, controls):
 
 @pytest.fixture
 def monitor():
-    return TrackingMonitor(PRIMITIVES, MissionClock(0.0, 0.5))
+    return TrackingMonitor(PRIMITIVES, MissionClock(0.0, 0.5), FENCE)
 
 
 def test_nothing_compared_is_unknown(monitor):
@@ -58,3 +60,12 @@ def test_after_a_plans_end_nothing_is_planned(monitor):
     monitor.truth(1.2, Pose(9.0, 9.0, 0.0))
     assert monitor.figures().samples == 1
     assert monitor.figures().position_rms_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_how_far_past_the_fence_it_came(monitor):
+    monitor.plan(plan(0, Pose(4.0, 4.0, 0.0), [STRAIGHT] * 4))
+    monitor.truth(0.5, Pose(4.5, 4.0, 0.0))
+    assert monitor.figures().outside_fence_max_m == 0.0
+    monitor.truth(1.0, Pose(5.3, 5.4, 0.0))
+    monitor.truth(1.5, Pose(5.1, 4.0, 0.0))
+    assert monitor.figures().outside_fence_max_m == pytest.approx(0.5), "from the corner"
