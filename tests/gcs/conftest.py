@@ -8,9 +8,10 @@ import pytest
 import yaml
 
 from gcs import summary
+from gcs.folder import describe_run
 from gcs.mission import MissionDirector
 from gcs.recording.display import RecordedDisplay
-from gcs.recording.recorder import Recorder, record_flight
+from gcs.recording.recorder import Recorder
 from gcs.router import TEAM
 from gcs.station import GroundStation
 from gcs.team import Event, TeamState
@@ -117,12 +118,9 @@ def _free_base() -> int:
             return port
 
 
-MISSION_S = 8.0
-
-
 @dataclass
 class Flown:
-    """A short flight of the lab in virtual time, through the real ground station and recorder.
+    """A flight of the lab in virtual time, through the real ground station and recorder.
 
     Attributes:
         folder: The recording.
@@ -174,11 +172,12 @@ class Watching:
         self.events.append(event)
 
 
-def fly_virtually(folder: Path) -> Flown:
+def fly_virtually(folder: Path, mission_s: float) -> Flown:
     scenario = load_scenario(LAB)
     team = VirtualTeam(scenario, seed=3, plan_nodes=80)
-    director = MissionDirector(scenario.mission.step_s, scenario.mission.takeoff_time_s, MISSION_S)
-    recorder: Recorder = record_flight(folder, LAB, scenario, {"scenario": "lab", "seed": 3}, 100)
+    director = MissionDirector(scenario.mission.step_s, scenario.mission.takeoff_time_s, mission_s)
+    attachments = describe_run(folder, LAB, {"scenario": "lab", "seed": 3})
+    recorder = Recorder(folder, scenario, attachments=attachments, queue_items=1_000_000)  # time flies here
     clock = lambda: team.time_s  # noqa: E731
     station = GroundStation(scenario, director=director, recorder=recorder, clock=clock, steady=clock)
     station.switchboard.attach(TEAM, FakeLink(team))
@@ -209,4 +208,9 @@ def fly_virtually(folder: Path) -> Flown:
 
 @pytest.fixture(scope="session")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    return fly_virtually(tmp_path_factory.mktemp("flight"))
+    return fly_virtually(tmp_path_factory.mktemp("flight"), 8.0)
+
+
+@pytest.fixture(scope="session")
+def flown_for_five_minutes(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    return fly_virtually(tmp_path_factory.mktemp("five_minutes"), 300.0)
