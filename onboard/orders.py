@@ -83,9 +83,9 @@ class Orders:
         Returns:
             UNIX time of step 0 of the mission that is taken up, s; None if none is.
         """
-        flies = teammate.state in PLANNING
         start_s = teammate.mission_start_s
-        return start_s if flies and start_s is not None and self._takes_up(start_s, time_s) else None
+        flies = teammate.state in PLANNING and start_s is not None and start_s <= time_s + MAX_START_AHEAD_S
+        return start_s if flies and self._machine.rejoin(time_s) else None
 
     def _obey(self, order: Command, mission_s: float | None, time_s: float) -> tuple[Refusal | None, float | None]:
         """Why not, and step 0 of the mission that begins."""
@@ -111,19 +111,15 @@ class Orders:
             return self._machine.start(time_s), None
         if state in (FlightState.ARM, *AIRBORNE):
             return _denied("another mission is being flown"), None
-        if self._takes_up(start_s, time_s):
+        if start_s > time_s + MAX_START_AHEAD_S:
+            return _denied(f"step 0 in {start_s - time_s:.1f} s; at most {MAX_START_AHEAD_S:.0f} s ahead"), None
+        if self._machine.rejoin(time_s):
             return None, start_s
         if start_s < time_s:
             only = "a running mission is taken up only in the air, when the autopilot is heard"
             return _denied(f"step 0 was {time_s - start_s:.1f} s ago; {only}"), None
-        if start_s > time_s + MAX_START_AHEAD_S:
-            return _denied(f"step 0 in {start_s - time_s:.1f} s; at most {MAX_START_AHEAD_S:.0f} s ahead"), None
         refusal = self._machine.start(time_s)
         return refusal, start_s if refusal is None else None
-
-    def _takes_up(self, start_s: float, time_s: float) -> bool:
-        """Whether the vehicle flies on in a mission that runs already."""
-        return start_s <= time_s and self._machine.rejoin(time_s)
 
 
 def _denied(why: str) -> Refusal:

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from onboard.config.flight import FlightConfig
+from onboard.config.simulation import OriginConfig
 from onboard.config.vehicle import VehicleConfig
 from onboard.flight.autopilot import AutopilotLink
 from onboard.flight.machine import FlightMachine
@@ -16,6 +17,7 @@ from onboard.protocol.px4_modes import Px4Mode
 
 NOW = 1_800_000_000.0
 GROUND = (255, 190)
+ORIGIN = OriginConfig(latitude_deg=47.0, longitude_deg=8.0)
 ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 
 
@@ -40,7 +42,7 @@ class Vehicle:
     """Flight states whose PX4 stands ready, or flies."""
 
     def __init__(self, *, flies: bool = False) -> None:
-        self.link = link = AutopilotLink(1, timeout_s=4.5)
+        self.link = link = AutopilotLink(1, timeout_s=4.5, origin=ORIGIN, related_by_gps=True)
         vehicle = VehicleConfig.model_validate({"id": 1, "home": (1.0, 2.8), "layer_m": 1.5})
         self.machine = FlightMachine(FlightConfig(), vehicle, link)
         self.orders = Orders(1, 191, GROUND[0], self.machine)
@@ -62,6 +64,9 @@ class Vehicle:
         for message in (
             mavlink.MAVLink_heartbeat_message(2, 12, flags, int(mode), 4, 3),
             mavlink.MAVLink_extended_sys_state_message(0, landed),
+            mavlink.MAVLink_gps_global_origin_message(
+                round(1e7 * ORIGIN.latitude_deg), round(1e7 * ORIGIN.longitude_deg), 0
+            ),
             mavlink.MAVLink_sys_status_message(
                 0, 0, mavlink.MAV_SYS_STATUS_PREARM_CHECK, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0
             ),
@@ -137,12 +142,21 @@ def test_in_the_air_a_running_mission_is_taken_up_by_the_grounds_word_or_a_teamm
         flies(FlightState.STANDBY, began_s),
         flies(FlightState.RETURN, began_s),
         flies(FlightState.TRACK, None),
-        flies(FlightState.TRACK, NOW + 1.0),
+        flies(FlightState.HOLD, NOW + 601.0),
     ):
         assert joins.orders.mission_of(status, NOW) is None
     assert joins.orders.mission_of(flies(FlightState.TRACK, began_s), NOW) == began_s
     assert joins.machine.state is FlightState.HOLD
     assert Vehicle().orders.mission_of(flies(FlightState.TRACK, began_s), NOW) is None, "it stands on the ground"
+
+
+def test_in_the_air_before_step_0_it_is_taken_up_too_not_launched_once_more() -> None:
+    """A launch takes where the vehicle is for the ground: with GPS, all its heights would be off by how high it is."""
+    vehicle = Vehicle(flies=True)
+    assert vehicle.link.down_m == -1.5
+    assert vehicle.result(start(NOW + 5.0)) == ACCEPTED
+    assert (vehicle.machine.state, vehicle.mission_s) == (FlightState.HOLD, NOW + 5.0)
+    assert vehicle.link.down_m == -1.5
 
 
 def test_pause_resume_and_land_reach_the_flight_states() -> None:
