@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from gcs.dashboard.palette import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from gcs.reports.flight_series import FlightSeries
@@ -86,6 +87,18 @@ def _over_time(column: str, label: str, **style: Any) -> Callable[[Sequence[Flig
     return draw
 
 
+def _discovery(flights: Sequence[FlightSeries], names: Sequence[str]) -> Figure:
+    figure = _over_time("discovered", "targets found", drawstyle="steps-post")(flights, names)
+    (axes,) = figure.axes
+    axes.set_ylim(bottom=0.0)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    ends_s = [flight.discovery_times_s[-1] for flight in flights if flight.all_found]
+    if len(ends_s) == len(flights):  # nothing happens after the last one
+        end_s = 1.3 * max(10.0, *ends_s)
+        axes.set_xlim(-0.05 * end_s, end_s)
+    return figure
+
+
 def _planning(flights: Sequence[FlightSeries], names: Sequence[str]) -> Figure:
     return _distribution(
         flights,
@@ -145,7 +158,7 @@ def _style(index: int) -> dict[str, Any]:
 
 
 _FIGURES: dict[str, tuple[Callable[[Sequence[FlightSeries], Sequence[str]], Figure], str]] = {
-    "discovery": (_over_time("discovered", "targets found", drawstyle="steps-post"), "Targets found over the mission."),
+    "discovery": (_discovery, "When targets were found."),
     "entropy": (
         _over_time("entropy_nats", "entropy per target, nats"),
         "Mean over the targets known and their robots.",

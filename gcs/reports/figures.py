@@ -185,7 +185,7 @@ def _discovery(flight: FlightSeries) -> Figure:
         (time, int(target)) for target, time in flight.summary["time_to_discover_s"].items() if time is not None
     )
     total, end_s = flight.summary["targets"], max(flight.times_s, default=0.0)
-    if total is not None and total == len(found) > 0:
+    if flight.all_found:
         end_s = min(end_s, 1.3 * max(10.0, found[-1][0]))  # nothing happens after the last one
         axes.set_xlim(-0.05 * end_s, end_s)
     times = [0.0, *(time for time, _ in found), end_s]

@@ -19,7 +19,6 @@ __all__ = ["FlightSeries", "PlanPoint", "VehicleSeries", "read_series"]
 _SAMPLE_TICKS = 5
 _TRACK_TICKS = 2
 """Positions are taken as often as the ground reads them, so that curves are round on a map."""
-_PARTS = ("time_to_discover_s", "vehicles", "problems")
 _NAN = math.nan
 
 
@@ -115,6 +114,11 @@ class FlightSeries:
         """When targets were found, since step 0, s, in that order."""
         return sorted(value for value in self.summary["time_to_discover_s"].values() if value is not None)
 
+    @property
+    def all_found(self) -> bool:
+        """Whether all targets that there are were found."""
+        return bool(len(self.discovery_times_s) == self.summary["targets"] != 0)
+
 
 def read_series(recording: Recording, progress: Callable[[float], None] = lambda _: None) -> FlightSeries:
     """Go through a recording once.
@@ -160,10 +164,8 @@ def read_series(recording: Recording, progress: Callable[[float], None] = lambda
 
 
 def _summary(recording: Recording, replay: Replay, start_s: float | None) -> dict[str, Any]:
-    """The flight's own summary; worked out anew when it did not come to that."""
+    """The flight's own summary; worked out anew as far as it is missing."""
     end_s = recording.landing_since_s or recording.end_s
-    anew = "its figures are worked out from what was recorded"
-    missing = recording.summary is None
     facts = summary.FlightFacts(
         scenario=recording.scenario.name,
         version=str(recording.about.get("version", "unknown")),
@@ -172,22 +174,23 @@ def _summary(recording: Recording, replay: Replay, start_s: float | None) -> dic
         mission_end_s=end_s if start_s is not None and end_s >= start_s else None,
         cpu_cores=None,
         cpu_s={},
-        problems=(f"the flight has left no summary{'' if missing else ' of this version'}: {anew}",),
+        problems=(),
     )
     worked_out = summary.summarize(replay.monitor, facts, replay.time_of(replay.ticks))
-    if recording.summary is not None and _says_as_much(recording.summary, worked_out):
-        return recording.summary
-    return worked_out
+    own = recording.summary
+    if own is not None and (completed := _completed(own, worked_out)) is not None:
+        return completed
+    lost = "left no summary" if own is None else "a summary that cannot be used"
+    return {**worked_out, "problems": [f"the flight has {lost}: its figures are worked out from what was recorded"]}
 
 
-def _says_as_much(own: dict[str, Any], expected: dict[str, Any]) -> bool:
-    """Whether a summary has what one of this version has."""
-    if not own.keys() >= expected.keys() or any(type(own[key]) is not type(expected[key]) for key in _PARTS):
-        return False
-    pairs = zip(own["vehicles"], expected["vehicles"], strict=False)
-    return len(own["vehicles"]) == len(expected["vehicles"]) and all(
-        isinstance(vehicle, dict) and vehicle.keys() >= known.keys() for vehicle, known in pairs
-    )
+def _completed(own: dict[str, Any], worked_out: dict[str, Any]) -> dict[str, Any] | None:
+    """A summary, of an earlier version perhaps, with what one of this version has besides; None if it is malformed."""
+    whole = {**worked_out, **own}
+    if any(type(whole[key]) is not type(worked_out[key]) for key in ("time_to_discover_s", "vehicles", "problems")):
+        return None
+    vehicles = {vehicle.get("id"): vehicle for vehicle in whole["vehicles"] if isinstance(vehicle, dict)}
+    return {**whole, "vehicles": [{**known, **vehicles.get(known["id"], {})} for known in worked_out["vehicles"]]}
 
 
 def _add(series: FlightSeries, team: TeamState) -> None:

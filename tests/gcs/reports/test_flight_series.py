@@ -1,5 +1,6 @@
 """What is read out of a recording is what was known in flight."""
 
+import json
 import math
 import shutil
 
@@ -61,10 +62,20 @@ def test_a_flight_without_end_has_figures_of_its_own_and_says_so(flown, tmp_path
     for key in ("rmse_m", "entropy_nats", "discovered", "time_to_discover_s", "vehicles"):
         assert series.summary[key] == flown.summary[key], key
     assert not math.isnan(series.summary["duration_s"])
-    (tmp_path / "summary.json").write_text('{"discovered": 5}')
     (tmp_path / "flight.json").write_text('{"software": 3}')
+    (tmp_path / "summary.json").write_text('{"vehicles": 3}')
     series = read_series(open_recording(tmp_path))
-    assert "has left no summary of this version" in series.summary["problems"][0]
+    assert "a summary that cannot be used" in series.summary["problems"][0]
+    earlier = {
+        **flown.summary,
+        "vehicles": [{"id": vehicle["id"], "plans": 7} for vehicle in flown.summary["vehicles"]],
+    }
+    del earlier["entropy_nats"]
+    (tmp_path / "summary.json").write_text(json.dumps(earlier))
+    series = read_series(open_recording(tmp_path))
+    assert series.summary["problems"] == []
+    assert series.summary["entropy_nats"] == flown.summary["entropy_nats"]
+    assert series.summary["vehicles"] == [{**vehicle, "plans": 7} for vehicle in flown.summary["vehicles"]]
     write_report(series, tmp_path / "report.html")
 
 
