@@ -88,15 +88,18 @@ def _over_time(column: str, label: str, **style: Any) -> Callable[[Sequence[Flig
 
 
 def _discovery(flights: Sequence[FlightSeries], names: Sequence[str]) -> Figure:
-    figure = _over_time("discovered", "targets found", drawstyle="steps-post")(flights, names)
-    (axes,) = figure.axes
+    figure, axes = _axes("time since step 0, s", "targets found")
+    for i, (flight, name) in enumerate(zip(flights, names, strict=True)):
+        found_s = flight.discovery_times_s
+        end_s = flight.landing_s if flight.landing_s is not None else max(flight.times_s, default=0.0)
+        counts = [*range(len(found_s) + 1), len(found_s)]
+        axes.step([0.0, *found_s, end_s], counts, where="post", label=name, **_style(i))
+    if all(flight.all_found for flight in flights):  # nothing happens after the last one
+        end_s = 1.3 * max(10.0, *(flight.discovery_times_s[-1] for flight in flights))
+        axes.set_xlim(-0.05 * end_s, end_s)
     axes.set_ylim(bottom=0.0)
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    ends_s = [flight.discovery_times_s[-1] for flight in flights if flight.all_found]
-    if len(ends_s) == len(flights):  # nothing happens after the last one
-        end_s = 1.3 * max(10.0, *ends_s)
-        axes.set_xlim(-0.05 * end_s, end_s)
-    return figure
+    return _finished(figure, axes)
 
 
 def _planning(flights: Sequence[FlightSeries], names: Sequence[str]) -> Figure:
