@@ -108,7 +108,13 @@ def fly(
 
 def gcs(
     config: Config,
-    start: Annotated[bool, typer.Option("--start", help="Start the team when all stand by; Ctrl-C lands it.")] = False,
+    start: Annotated[
+        bool,
+        typer.Option(
+            "--start",
+            help="Start the team when all stand by, or take up a mission that it flies already; Ctrl-C lands it.",
+        ),
+    ] = False,
     duration: Annotated[
         float | None, typer.Option(metavar="S", min=0.0, help="With --start: land after this mission time, s.")
     ] = None,

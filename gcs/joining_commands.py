@@ -33,8 +33,9 @@ def monitor(config: Config, headless: Headless = False, via: Via = None) -> None
 
     - `arvi monitor configs/lab.yaml --via udpout:10.0.0.5:14551`: beside a station elsewhere that shares its port
 
-    Ctrl-C ends it. Like every ground station it says once a second that it is there: alone, it is the vehicles' ground
-    station. Exits with 0, or 2 for bad input or ports in use.
+    Ctrl-C ends it, as does the end of who reads it (`arvi monitor … | head`). Like every ground station it says once a
+    second that it is there: alone, it is the vehicles' ground station. Exits with 0, or with 2 for bad input or ports
+    in use.
     """
     scenario = load(config)
     from gcs.monitor_command import run_monitor
@@ -66,8 +67,9 @@ def command(
 ) -> None:
     """Give the team an order from a shell, and say what became of it.
 
-    start, pause, resume and finish (fly home and land) go to the onboard processes; hold, land, return and stop
-    straight to the autopilots. **stop turns the motors off: what flies falls.**
+    To the onboard processes: start (take off and fly the mission), pause (hold the place), resume, finish (fly home and
+    land). Straight to the autopilots, also when an onboard process is dead: hold (stop; the onboard process lets go),
+    land (where it is), return (the autopilot's own). **stop turns the motors off: what flies falls.**
 
     **Examples**
 
@@ -75,7 +77,10 @@ def command(
 
     - `arvi command configs/lab.yaml pause --vehicle 2 --yes`
 
-    Exits with 0 when every vehicle acknowledged, 1 otherwise, 2 for bad input or ports in use.
+    Says for each vehicle whether it was acknowledged, refused and why, or timed out. Ctrl-C calls nothing back that has
+    been sent.
+
+    Exits with 0 when every vehicle acknowledged, 1 otherwise, 2 for bad input or ports in use, 130 after Ctrl-C.
     """
     scenario = load(config)
     ids = vehicles_of(scenario, config, vehicle or ())

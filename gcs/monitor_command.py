@@ -8,8 +8,9 @@ import time
 
 from gcs.exit_codes import EXIT_BAD_INPUT
 from gcs.joining import joined_station, open_or_join
-from gcs.output import open_console
+from gcs.output import is_read, open_console
 from gcs.session import StopRequests, run_session
+from gcs.team import TeamState
 from gcs.terminal import open_display
 from onboard.config import Scenario
 from onboard.errors import OnboardError
@@ -19,7 +20,7 @@ __all__ = ["run_monitor"]
 
 
 def run_monitor(scenario: Scenario, via: str | None, *, headless: bool) -> int:
-    """Show the team until Ctrl-C; the exit code.
+    """Show the team until Ctrl-C, or until nobody reads it any more; the exit code.
 
     Args:
         scenario: Whose team.
@@ -39,9 +40,13 @@ async def _watch(scenario: Scenario, via: str | None, *, headless: bool) -> None
     where = await open_or_join(station, via, mavsdk=False)
     station.team.note(time.time(), mavlink.MAV_SEVERITY_INFO, "monitor", where)
     stop = StopRequests()
-    title = f"arvi monitor · {scenario.name}"
+    title, console = f"arvi monitor · {scenario.name}", open_console()
+
+    def unread(_: TeamState) -> str | None:
+        return None if is_read(console) else "nobody reads the output"
+
     try:
-        with stop.listening(), open_display(open_console(), scenario, title, headless=headless) as display:
-            await run_session(station, display, stop, time.time)
+        with stop.listening(), open_display(console, scenario, title, headless=headless) as display:
+            await run_session(station, display, stop, time.time, unread)
     finally:
         await station.close()

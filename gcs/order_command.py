@@ -7,10 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 
-from rich.table import Table
-from rich.text import Text
-
-from gcs.exit_codes import EXIT_BAD_INPUT, EXIT_FAILED
+from gcs.exit_codes import EXIT_BAD_INPUT, EXIT_FAILED, EXIT_INTERRUPTED
 from gcs.joining import joined_station, open_or_join
 from gcs.operator_desk import Action, CommandRecord, OperatorDesk, Order, Outcome, refusal_reason
 from gcs.output import open_console
@@ -41,7 +38,7 @@ _TICK_S = 0.05
 
 
 def run_order(scenario: Scenario, action: Action, vehicles: Sequence[int], via: str | None) -> int:
-    """Give an order and print its outcome; the exit code: 0 if every vehicle has acknowledged.
+    """Give an order and print its outcome; the exit code: 0 if every vehicle has acknowledged, 130 after Ctrl-C.
 
     Args:
         scenario: Whose team.
@@ -49,22 +46,38 @@ def run_order(scenario: Scenario, action: Action, vehicles: Sequence[int], via: 
         vehicles: System ids.
         via: Shared port of a ground station, ``udpout:HOST:PORT``; None finds the way by itself.
     """
+    desk = OperatorDesk()
     try:
-        records, events = asyncio.run(_order(scenario, Order(action, tuple(vehicles)), via))
+        records, events = asyncio.run(_order(scenario, Order(action, tuple(vehicles)), desk, via))
+    except KeyboardInterrupt:
+        sent = "the order has been sent, and may be carried out" if desk.records else "nothing was sent"
+        sys.stderr.write(f"interrupted: {sent}\n")
+        return EXIT_INTERRUPTED
     except OnboardError as error:
         sys.stderr.write(f"{error}\n")
         return EXIT_BAD_INPUT
-    table = Table(box=None, show_header=False, pad_edge=False)
-    for record in records:
-        reason = refusal_reason(record, reversed(events)) or record.result
-        words = record.outcome.value if record.outcome is Outcome.ACKNOWLEDGED else f"{record.outcome.value}: {reason}"
-        table.add_row(f"vehicle {record.vehicle}", f"{record.action.value.lower()} ({record.to})", Text(words))
-    open_console().print(table)
+    console = open_console()
+    rows = [
+        (f"vehicle {record.vehicle}", f"{record.action.value.lower()} ({record.to})", _ended(record, events))
+        for record in records
+    ]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for vehicle, what, words in rows:
+        console.print(f"{vehicle:{widths[0]}}  {what:{widths[1]}}  {words}", soft_wrap=True)
     return 0 if records and all(record.outcome is Outcome.ACKNOWLEDGED for record in records) else EXIT_FAILED
 
 
-async def _order(scenario: Scenario, order: Order, via: str | None) -> tuple[tuple[CommandRecord, ...], list[Event]]:
-    desk = OperatorDesk()
+def _ended(record: CommandRecord, events: list[Event]) -> str:
+    if record.outcome is Outcome.ACKNOWLEDGED:
+        return str(record.outcome.value)
+    if record.outcome is Outcome.SENT:
+        return f"not ended within {_ENDED_WITHIN_S:.0f} s: it may still be carried out"
+    return f"{record.outcome.value}: {refusal_reason(record, reversed(events)) or record.result}"
+
+
+async def _order(
+    scenario: Scenario, order: Order, desk: OperatorDesk, via: str | None
+) -> tuple[tuple[CommandRecord, ...], list[Event]]:
     station = joined_station(scenario, desk)
     events: list[Event] = []
     to_autopilot = order.action.fleet_action is not None

@@ -10,7 +10,7 @@ from typing import IO, cast
 
 from rich.console import Console
 
-__all__ = ["SteadyOutput", "open_console", "printable"]
+__all__ = ["SteadyOutput", "is_read", "open_console", "printable"]
 
 _WIDTH_WITHOUT_TERMINAL = 100
 
@@ -20,10 +20,14 @@ class SteadyOutput(io.TextIOBase):
 
     Args:
         stream: Where to write while that is possible; has a file descriptor.
+
+    Attributes:
+        gone: Whether nobody reads it any more.
     """
 
     def __init__(self, stream: io.TextIOWrapper) -> None:
         super().__init__()
+        self.gone = False
         self._stream = stream
 
     @property
@@ -56,6 +60,7 @@ class SteadyOutput(io.TextIOBase):
 
     def _give_up(self) -> None:
         """From now on the descriptor leads nowhere: what is buffered, and what Python flushes at exit, goes there."""
+        self.gone = True
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)
@@ -70,6 +75,11 @@ def open_console() -> Console:
     plain = partial(Console, file=output, markup=False, emoji=False, highlight=False)
     console = plain()
     return console if console.is_terminal else plain(width=_WIDTH_WITHOUT_TERMINAL)
+
+
+def is_read(console: Console) -> bool:
+    """Whether somebody may still read what is printed."""
+    return not (isinstance(console.file, SteadyOutput) and console.file.gone)
 
 
 def printable(text: str) -> str:

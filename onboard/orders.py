@@ -110,7 +110,7 @@ class Orders:
         if start_s == mission_s and state not in (FlightState.LANDED, *IDLE):
             return self._machine.start(time_s), None
         if state in (FlightState.ARM, *AIRBORNE):
-            return _denied("another mission is being flown"), None
+            return _denied("a mission is being flown already"), None
         if start_s > time_s + MAX_START_AHEAD_S:
             return _denied(f"step 0 in {start_s - time_s:.1f} s; at most {MAX_START_AHEAD_S:.0f} s ahead"), None
         if self._machine.rejoin(time_s):

@@ -30,6 +30,20 @@ def test_a_standing_stream_is_passed_through():
     assert below.getvalue().decode() == "RMSE ◆"
 
 
+def test_a_monitor_ends_with_its_reader(own_ports):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gcs", "monitor", own_ports, "--headless"], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert "listening on" in process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(30.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
 def test_a_station_whose_reader_has_gone_still_stops_in_order(own_ports):
     process = subprocess.Popen(
         [sys.executable, "-m", "gcs", "gcs", own_ports, "--headless", "--no-record"],
