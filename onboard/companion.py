@@ -24,6 +24,7 @@ from onboard.flight.machine import FlightMachine
 from onboard.flight.requirements import Needs
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.states import AIRBORNE, COMMANDED, PLANNING, UNDER_WAY
+from onboard.flight.ways import Ways
 from onboard.hearing import Hearing
 from onboard.landing_place import LandingPlace
 from onboard.last_resort import LastResort
@@ -75,7 +76,13 @@ class Companion:
             related_by_gps=scenario.mission.position_source == "gps",
             needs=Needs.of(scenario, self.vehicle),
         )
-        self.machine = FlightMachine(scenario.flight, self.vehicle, self.autopilot, scenario.vehicle_type(self.vehicle))
+        self.machine = FlightMachine(
+            scenario.flight,
+            self.vehicle,
+            self.autopilot,
+            scenario.vehicle_type(self.vehicle),
+            Ways(scenario.mission),
+        )
         self._scenario = scenario
         self._boot_s = boot_s
         self._counts = Counts()

@@ -6,7 +6,8 @@ import math
 
 from onboard.config.flight import FlightConfig
 from onboard.flight.autopilot import AutopilotLink
-from onboard.flight.trajectory import Transfer
+from onboard.flight.trajectory import Route
+from onboard.flight.ways import Ways
 from onboard.geometry import Pose
 
 __all__ = ["AT_HOME_M", "OVER_HOME_M", "SLOW_M_S", "Homing"]
@@ -30,6 +31,7 @@ class Homing:
         config: Speed, patience.
         link: Tells where the vehicle is.
         home: Where it lands, mission frame.
+        ways: Around what is in the way; straight home without.
 
     Attributes:
         home: Where it lands, mission frame; it may change on the way.
@@ -37,17 +39,20 @@ class Homing:
         by_s: UNIX time until which it waits for a good moment to land.
     """
 
-    def __init__(self, config: FlightConfig, link: AutopilotLink, home: Pose) -> None:
+    def __init__(self, config: FlightConfig, link: AutopilotLink, home: Pose, ways: Ways | None = None) -> None:
         self.home = home
         self.since_s = -math.inf
         self.by_s = math.inf
         self._config = config
         self._link = link
+        self._ways = ways
         self._arrived_s = math.inf
 
-    def set_out(self, time_s: float, start: Pose) -> Transfer:
+    def set_out(self, time_s: float, start: Pose) -> Route:
         """The way home from a place, to be flown from a UNIX time on."""
-        way = Transfer(time_s, start, self.home.north_m, self.home.east_m, self._config.return_speed_m_s)
+        home = (self.home.north_m, self.home.east_m)
+        corners = [home] if self._ways is None else self._ways.between((start.north_m, start.east_m), home)[1:]
+        way = Route(time_s, start, corners, self._config.return_speed_m_s)
         self.since_s, self.by_s = time_s, way.end_s + self._config.return_patience_s
         self._arrived_s = math.inf
         return way

@@ -30,6 +30,7 @@ from onboard.flight.setpoints import HeightReference, Setpoint
 from onboard.flight.states import AIRBORNE, COMMANDED, FLOWN, PLANNING, UNDER_WAY
 from onboard.flight.trajectory import Hold, Trajectory
 from onboard.flight.watch import FLIGHT, FlightWatch
+from onboard.flight.ways import Ways
 from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
@@ -48,6 +49,7 @@ class FlightMachine:
         vehicle: Layer and home.
         link: The autopilot.
         limits: Of the vehicle's type.
+        ways: Home, around what is in the way; straight without.
 
     Attributes:
         state: Where the flight is.
@@ -60,6 +62,7 @@ class FlightMachine:
         vehicle: VehicleConfig,
         link: AutopilotLink,
         limits: VehicleTypeConfig | None = None,
+        ways: Ways | None = None,
     ) -> None:
         self.state = FlightState.WAIT
         self._vehicle = vehicle
@@ -67,7 +70,7 @@ class FlightMachine:
         self._since_s = -math.inf
         self._course = Course(config, limits, vehicle.layer_m)
         self._ascent = Ascent(config, link, vehicle.layer_m)
-        self._homing = Homing(config, link, vehicle.home_pose)
+        self._homing = Homing(config, link, vehicle.home_pose, ways)
         self._landing = Landing(link)
         self.ladder = Ladder()
         self._watch = FlightWatch(link, config)

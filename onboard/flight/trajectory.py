@@ -10,7 +10,7 @@ from typing import Protocol
 from onboard.geometry import Pose
 from onboard.planning.primitives import Primitive, advance
 
-__all__ = ["HOVER", "Followed", "Hold", "PlanTrajectory", "Reference", "Trajectory", "Transfer"]
+__all__ = ["HOVER", "Followed", "Hold", "PlanTrajectory", "Reference", "Route", "Trajectory", "Transfer"]
 
 TRANSFER_ACCELERATION_M_S2 = 1.0
 
@@ -140,6 +140,32 @@ class Transfer:
         if left_s < self._ramp_s:
             return self._distance_m - 0.5 * rate * left_s**2, rate * left_s, -rate
         return 0.5 * rate * self._ramp_s**2 + self._speed_m_s * (elapsed_s - self._ramp_s), self._speed_m_s, 0.0
+
+
+class Route:
+    """Fly from corner to corner of a way with constant heading, at rest at each, and stay at the last one.
+
+    Args:
+        start_s: UNIX time at the start pose, s.
+        start: Pose at that time; its yaw is kept.
+        corners: ``(north m, east m)`` of each corner after the start, mission frame; at least one.
+        speed_m_s: How fast at most.
+
+    Attributes:
+        end_s: UNIX time at the last corner, s.
+    """
+
+    def __init__(self, start_s: float, start: Pose, corners: Sequence[tuple[float, float]], speed_m_s: float) -> None:
+        self._legs: list[Transfer] = []
+        self.end_s = start_s
+        for north_m, east_m in corners:
+            leg = Transfer(self.end_s, start, north_m, east_m, speed_m_s)
+            self._legs.append(leg)
+            self.end_s, start = leg.end_s, Pose(north_m, east_m, start.yaw_rad)
+
+    def reference(self, time_s: float) -> Reference:
+        """The point on the leg that is flown then."""
+        return next((leg for leg in self._legs if time_s < leg.end_s), self._legs[-1]).reference(time_s)
 
 
 class PlanTrajectory:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from onboard.config import Scenario, load_scenario
+from onboard.config.polygon import contains, edge_distance, meets_segment
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.px4_modes import Px4Mode
@@ -135,6 +136,31 @@ def test_the_team_lands_at_home_within_twenty_seconds(flown: Flight, lab: Scenar
         assert truth.down == pytest.approx(0.0, abs=0.02)
         assert not flown.team.companions[vehicle.id].autopilot.heard.armed
     assert min(truth.min_separation for truth in flown.truth.values()) >= 0.5
+
+
+def test_the_way_home_leads_around_an_obstacle(lab: Scenario) -> None:
+    wall = ((2.0, 1.5), (2.2, 1.5), (2.2, 6.5), (2.0, 6.5))
+    mission = lab.mission.model_copy(update={"obstacles": (wall,)})
+    flight = Flight(lab.model_copy(update={"mission": mission}), seed=1)
+    flight.start()
+    flight.team.run(14.0)
+    behind = [
+        vehicle.id
+        for vehicle in lab.vehicles
+        if meets_segment(wall, (flight.truth[vehicle.id].north, flight.truth[vehicle.id].east), vehicle.home)
+    ]
+    assert len(behind) >= 2, "their straight way home would lead through the wall"
+    nearest_m = [math.inf]
+
+    def watch(heard: GroundMessage) -> None:
+        flight._hear(heard)
+        for truth in flight.truth.values():
+            place = (truth.north, truth.east)
+            nearest_m.append(0.0 if contains(wall, place) else edge_distance(wall, place))
+
+    flight.team.on_ground_message = watch
+    flight.land()
+    assert min(nearest_m) > mission.obstacle_clearance_m - 0.15, "but for the tracking error"
 
 
 def test_the_same_seed_flies_the_same_flight(lab: Scenario) -> None:
