@@ -43,7 +43,7 @@ class Launch:
             self._current = current
             self._asked_s = -math.inf
         step = self._steps[current]
-        due = time_s >= self._begin_s and time_s - self._asked_s >= COMMAND_RETRY_S
+        due = time_s >= self._begin_s and not 0.0 <= time_s - self._asked_s < COMMAND_RETRY_S
         if due and not step.lacks(link.heard) and not link.busy(step.request.command):
             self._asked_s = time_s
             link.ask(step.request, time_s)

@@ -59,7 +59,7 @@ class Placement:
 
         Without GPS no autopilot knows where on Earth it is, and some do not arm before they are told.
         """
-        if self._has_origin or time_s - self._asked_s < RETRY_S:
+        if self._has_origin or 0.0 <= time_s - self._asked_s < RETRY_S:
             return None
         self._asked_s = time_s
         self._requests += 1

@@ -64,7 +64,7 @@ class Preflight:
 
     def poll(self, time_s: float) -> None:
         """Read what is not known, and again what is wrong."""
-        if self._client.busy or time_s - self._read_s < REREAD_S:
+        if self._client.busy or 0.0 <= time_s - self._read_s < REREAD_S:
             return
         names = [
             name

@@ -56,7 +56,9 @@ class StreamWatch:
 
     def request(self, time_s: float) -> Request | None:
         """What to ask for now, if anything; its outcome goes to :meth:`ended`."""
-        if time_s - self._window_s >= WINDOW_S:
+        if time_s < self._window_s:
+            self._begin_anew(time_s)
+        elif time_s - self._window_s >= WINDOW_S:
             self._judge(time_s)
         if self._asking is not None or not self._queue:
             return None
@@ -91,6 +93,12 @@ class StreamWatch:
         """What the operator should know, since the last call."""
         events, self._events = self._events, []
         return events
+
+    def _begin_anew(self, time_s: float) -> None:
+        """The clock was set back: what was asked for when says nothing any more."""
+        self._window_s = time_s
+        self._counts = dict.fromkeys(self._rates_hz, 0)
+        self._asked_s = dict.fromkeys(self._rates_hz, -math.inf)
 
     def _judge(self, time_s: float) -> None:
         """Ask again for what came too seldom, and say so once if it was asked for long enough ago."""

@@ -116,7 +116,8 @@ class ParameterClient:
         """The requests to send now."""
         due: list[mavlink.MAVLink_message] = []
         for name, pending in list(self._pending.items())[: self._window]:
-            if time_s < pending.next_attempt_s:
+            # Farther ahead than an attempt waits for, it is from before the clock was set back.
+            if 0.0 < pending.next_attempt_s - time_s <= self._timeout_s:
                 continue
             if pending.attempts >= self._attempts:
                 del self._pending[name]

@@ -1,5 +1,6 @@
 """One vehicle's onboard computer against frames, good and bad, in virtual time."""
 
+import itertools
 import math
 from pathlib import Path
 
@@ -154,6 +155,40 @@ def status_of(unit: Companion, time_s: float) -> mavlink.MAVLink_planner_status_
     unit.tick(time_s)
     (status,) = [m for m in received(unit, LinkName.GROUND) if isinstance(m, mavlink.MAVLink_planner_status_message)]
     return status
+
+
+def test_a_clock_that_is_set_back_by_hours_while_it_gets_ready_does_not_keep_it_from_that() -> None:
+    """A computer boots with a wrong clock, which is set while it waits for answers of its autopilot."""
+    scenario = SCENARIO.model_copy(update={"mission": SCENARIO.mission.model_copy(update={"position_source": "gps"})})
+    unit = Companion(scenario, 1, NOW)
+    uptime_ms = itertools.count(60_000, 20)
+    values = PARAMETERS | {"EKF2_GPS_CTRL": 7.0, "SYS_HAS_GPS": 1.0}
+    origin = mavlink.MAVLink_gps_global_origin_message(399_523_000, -751_908_000, 0)
+
+    def run(from_s: float, seconds: float, *, answers: bool) -> None:
+        for tick in range(round(50 * seconds)):
+            now_s = from_s + 0.02 * tick
+            boot_ms = next(uptime_ms)
+            said: list[mavlink.MAVLink_message] = [mavlink.MAVLink_attitude_message(boot_ms, 0, 0, 0.5, 0, 0, 0)]
+            said.append(mavlink.MAVLink_local_position_ned_message(boot_ms, 1.0, 2.8, 0.0, 0.0, 0.0, 0.0))
+            if tick % 25 == 0:
+                said.append(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0x03040000, 3, 3))
+                health = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+                said.append(mavlink.MAVLink_sys_status_message(0, 0, health, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0))
+            for message in said:
+                unit.receive(LinkName.AUTOPILOT, AUTOPILOT.encode(message), now_s)
+            unit.tick(now_s)
+            asked = received(unit, LinkName.AUTOPILOT)
+            for message in asked if answers else ():
+                if isinstance(message, mavlink.MAVLink_param_request_read_message):
+                    answer_parameter(unit, message.param_id, values.get(message.param_id, 1000.0), now_s)
+                if getattr(message, "command", None) == mavlink.MAV_CMD_REQUEST_MESSAGE:
+                    unit.receive(LinkName.AUTOPILOT, AUTOPILOT.encode(origin), now_s)
+
+    run(NOW + 8 * 3600.0, 1.0, answers=False)
+    assert unit.machine.state is FlightState.WAIT
+    run(NOW, 10.0, answers=True)
+    assert unit.machine.state is FlightState.STANDBY, unit.autopilot.lacks(NOW + 10.0)
 
 
 def test_near_a_teammate_it_says_more_often_where_it_is_while_it_is_in_the_air() -> None:

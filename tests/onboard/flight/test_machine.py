@@ -552,6 +552,11 @@ def test_message_rates_are_asked_for_and_again_when_too_little_comes(flight: Fli
     asked = [m for m in flight.commands if m.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL]
     again = [int(m.param1) for m in asked[len(flight.rates_asked) :]]
     assert set(again) == {mavlink.MAVLINK_MSG_ID_SYSTEM_TIME}, "the only one that this autopilot does not send"
+    flight.time_s -= 3600.0
+    flight.boot_s -= 3600.0
+    before = len(flight.commands)
+    flight.run(8.0)
+    assert {int(m.param1) for m in flight.commands[before:]} == set(again), "whatever becomes of the clock"
 
 
 def test_an_old_ardupilot_is_asked_for_groups_of_messages_and_its_heartbeat_tells_where_it_stands() -> None:
