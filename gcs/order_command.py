@@ -31,7 +31,9 @@ ACTIONS = {
 """By the word on the command line."""
 
 _HEARD_WITHIN_S = 3.0
-_MAVSDK_WITHIN_S = 4.0
+_MAVSDK_WITHIN_S = 3.5
+"""From the start; without MAVSDK the order goes directly."""
+_SENT_WITHIN_S = 5.0
 _ENDED_WITHIN_S = 12.0
 _REASONS_WITHIN_S = 0.6
 _TICK_S = 0.05
@@ -82,30 +84,34 @@ async def _order(
     events: list[Event] = []
     to_autopilot = order.action.fleet_action is not None
     await open_or_join(station, via, mavsdk=to_autopilot)
+    began_s, waiting = time.monotonic(), list(order.vehicles)
 
-    def heard() -> bool:
-        team = station.team.state(time.time())
-        ages = [
-            vehicle.autopilot_age_s if to_autopilot else vehicle.onboard_age_s
-            for vehicle in team.vehicles
-            if vehicle.id in order.vehicles
-        ]
-        return None not in ages
+    def ready(vehicle_id: int) -> bool:
+        """Whether a vehicle's order goes out now: who is silent keeps nobody else waiting."""
+        elapsed_s = time.monotonic() - began_s
+        vehicle = station.team.state(time.time()).vehicle(vehicle_id)
+        if (vehicle.autopilot_age_s if to_autopilot else vehicle.onboard_age_s) is None:
+            return elapsed_s >= _HEARD_WITHIN_S
+        through_mavsdk = to_autopilot and order.action is not Action.STOP  # that one does not wait for MAVSDK
+        return not through_mavsdk or station.mavsdk_reaches(vehicle_id) or elapsed_s >= _MAVSDK_WITHIN_S
 
-    def ended() -> bool:
-        return bool(desk.records) and all(record.outcome is not Outcome.SENT for record in desk.records)
+    def all_sent() -> bool:
+        batch = tuple(filter(ready, waiting))
+        if batch:
+            desk.submit(Order(order.action, batch))
+            waiting[:] = [vehicle_id for vehicle_id in waiting if vehicle_id not in batch]
+        return not waiting
+
+    def all_ended() -> bool:
+        done = sum(record.outcome is not Outcome.SENT for record in desk.records)
+        return done == len(order.vehicles)
 
     try:
-        await _tick_until(station, heard, _HEARD_WITHIN_S, events)
-        if to_autopilot and order.action is not Action.STOP:  # that one does not wait for MAVSDK
-            await _tick_until(
-                station, lambda: all(map(station.mavsdk_reaches, order.vehicles)), _MAVSDK_WITHIN_S, events
-            )
-        desk.submit(order)
-        await _tick_until(station, ended, _ENDED_WITHIN_S, events)
+        await _tick_until(station, all_sent, _SENT_WITHIN_S, events)
+        await _tick_until(station, all_ended, _ENDED_WITHIN_S, events)
         if any(record.outcome is Outcome.REFUSED for record in desk.records):
             await _tick_until(station, lambda: False, _REASONS_WITHIN_S, events)
-        return desk.records, events
+        return tuple(sorted(desk.records, key=lambda record: order.vehicles.index(record.vehicle))), events
     finally:
         await station.close()
 

@@ -238,3 +238,22 @@ def test_a_shell_commands_alone(config, bridge):
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("acknowledged") == 2
     assert arvi("command", config, "land", "--vehicle", "9", "--yes").returncode == 2
+
+
+async def test_who_is_silent_keeps_no_other_vehicle_waiting_for_its_order(config, bridge):
+    data = yaml.safe_load(config.read_text(encoding="utf-8"))
+    links = {"ground": data["vehicles"][0]["links"]["ground"]}
+    for link, kind in (("autopilot", "udpin"), ("peers", "udpout"), ("sensor", "udpin")):
+        links[link] = f"{kind}:127.0.0.1:{free_port()}"
+    data["vehicles"].append(yaml.safe_load(LAB.read_text(encoding="utf-8"))["vehicles"][2] | {"links": links})
+    larger = config.with_name("three.yaml")
+    larger.write_text(yaml.safe_dump(data), encoding="utf-8")
+    async with station_of(config, mavsdk=False) as station:
+        await until(lambda: mode(station, 2) is not None)
+        ordering = asyncio.create_task(asyncio.to_thread(arvi, "command", larger, "land", "--yes"))
+        await until(lambda: (mode(station, 1), mode(station, 2)) == ("LAND", "LAND"))
+        assert not ordering.done(), "it still waits for vehicle 3"
+        done = await ordering
+    assert done.returncode == 1
+    assert done.stdout.count("acknowledged") == 2, done.stdout
+    assert "timed out: no answer; it is not heard" in done.stdout
