@@ -92,7 +92,7 @@ def _map(flight: FlightSeries) -> Figure:
     for corners in scenario.mission.obstacles:
         axes.add_patch(Polygon([(e, n) for n, e in corners], facecolor="#c9cfd6", edgecolor=_MUTED))
     for places in flight.truth_m.values():
-        axes.plot([e for _, e in places], [n for n, _ in places], color=_INK, linewidth=0.4, alpha=0.15)
+        axes.plot([e for _, e in places], [n for n, _ in places], color=_INK, linewidth=0.4, alpha=0.4 * _faint(flight))
     trails = _trails(axes, flight, bounds)
     for target in flight.final.targets:
         _target(axes, target, bounds)
@@ -109,8 +109,7 @@ def _map(flight: FlightSeries) -> Figure:
 
 def _trails(axes: Axes, flight: FlightSeries, bounds: MapBounds) -> list[Line2D]:
     """Where each vehicle was: the longer the flight the fainter, but for its last part; what the legend says of it."""
-    end_s = flight.final.time_s - flight.zero_s
-    faint = min(0.4, max(0.08, 60.0 / max(end_s, 1.0)))
+    end_s, faint = flight.final.time_s - flight.zero_s, _faint(flight)
     handles = []
     for i, (vehicle_id, series) in enumerate(flight.vehicles.items()):
         colour = vehicle_colour(i)
@@ -130,6 +129,11 @@ def _trails(axes: Axes, flight: FlightSeries, bounds: MapBounds) -> list[Line2D]
     if len(handles) > len(set(map(vehicle_colour, range(len(handles))))):
         return [Line2D([], [], color=BLUE, linewidth=1.8, label="vehicles, their numbers at the ends")]
     return handles
+
+
+def _faint(flight: FlightSeries) -> float:
+    """Opacity of trails, of which a long flight draws many over each other."""
+    return min(0.4, max(0.08, 60.0 / max(flight.final.time_s - flight.zero_s, 1.0)))
 
 
 def _target(axes: Axes, target: TargetState, bounds: MapBounds) -> None:
