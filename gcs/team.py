@@ -16,6 +16,8 @@ from gcs.vehicle import VehicleMonitor
 from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S, VehicleFigures, VehicleState
 from onboard.clock import MAX_CLOCK_ERROR_S, MissionClock
 from onboard.config import Scenario
+from onboard.config.simulation import OriginConfig
+from onboard.flight.frame import offset_m
 from onboard.mapping.errors import MappingError
 from onboard.orders import MAX_START_AHEAD_S
 from onboard.protocol import dialect as mavlink
@@ -39,6 +41,7 @@ _WANTED = frozenset(
         mavlink.MAVLINK_MSG_ID_ATTITUDE,
         mavlink.MAVLINK_MSG_ID_EXPLORED_TILE,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         mavlink.MAVLINK_MSG_ID_PLANNER_STATUS,
@@ -51,13 +54,18 @@ _WANTED = frozenset(
 )
 """Messages that :meth:`TeamMonitor.receive` has a use for."""
 
-_THROTTLE_S = {mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.15, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.15}
+_THROTTLE_S = {
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: 0.15,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.15,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.15,
+}
 """Messages that come more often than the ground needs them: one is read in this time, s. Of ten a second, which come a
 little early or late, that is every second one: five a second."""
 
 SOON_REPLACED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
         mavlink.MAVLINK_MSG_ID_TARGET_BELIEF,
         mavlink.MAVLINK_MSG_ID_TARGET_TRUTH,
@@ -172,6 +180,13 @@ class TeamMonitor:
         self._texts = StatusTextAssembler()
         self._listening = Listening()
         self._simulation = scenario.simulation
+        # With GPS, each autopilot's local frame is its own; the place on Earth is what all have in common.
+        self._origin = scenario.mission.origin if scenario.mission.position_source == "gps" else None
+        self._no_place = (
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+            if self._origin is None
+            else mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+        )
         self._vehicles = {
             vehicle.id: VehicleMonitor(
                 vehicle.id,
@@ -186,7 +201,7 @@ class TeamMonitor:
 
     def wants(self, message_id: int, system: int, now_s: float) -> bool:
         """Whether a message of this kind is worth decoding now."""
-        if message_id not in _WANTED:
+        if message_id not in _WANTED or message_id == self._no_place:
             return False
         pause_s = _THROTTLE_S.get(message_id)
         if pause_s is None:
@@ -315,8 +330,8 @@ class TeamMonitor:
                 self._tile(message, now_s)
             case mavlink.MAVLink_sys_status_message():
                 vehicle.battery(message.battery_remaining)
-            case mavlink.MAVLink_local_position_ned_message():
-                vehicle.local_position(message, now_s)
+            case mavlink.MAVLink_local_position_ned_message() | mavlink.MAVLink_global_position_int_message():
+                self._position(message, vehicle, now_s)
             case mavlink.MAVLink_attitude_message():
                 vehicle.attitude(message.yaw, now_s)
             case mavlink.MAVLink_extended_sys_state_message():
@@ -325,6 +340,18 @@ class TeamMonitor:
                 text = self._status_text(message, f"vehicle {vehicle.id}", now_s)
                 if text is not None:
                     vehicle.status_text(text)
+
+    def _position(
+        self,
+        message: mavlink.MAVLink_local_position_ned_message | mavlink.MAVLink_global_position_int_message,
+        vehicle: VehicleMonitor,
+        now_s: float,
+    ) -> None:
+        if isinstance(message, mavlink.MAVLink_local_position_ned_message):
+            if self._origin is None:
+                vehicle.local_position(message, now_s)
+        elif self._origin is not None and (message.lat or message.lon):  # zeros while it is not known
+            vehicle.local_position(_in_mission_frame(message, self._origin), now_s)
 
     def _status_text(self, message: mavlink.MAVLink_statustext_message, source: str, now_s: float) -> str | None:
         """Report a text once its last chunk is here."""
@@ -401,3 +428,13 @@ class TeamMonitor:
 
 def _is_place(*coordinates: float) -> bool:
     return all(map(math.isfinite, coordinates))
+
+
+def _in_mission_frame(
+    message: mavlink.MAVLink_global_position_int_message, origin: OriginConfig
+) -> mavlink.MAVLink_local_position_ned_message:
+    """A place on Earth (degE7, mm above the sea) and a velocity (cm/s) as one in the mission frame."""
+    north_m, east_m = offset_m(origin, message.lat * 1e-7, message.lon * 1e-7)
+    down_m = origin.altitude_m - message.alt * 1e-3
+    velocity_m_s = (message.vx * 1e-2, message.vy * 1e-2, message.vz * 1e-2)
+    return mavlink.MAVLink_local_position_ned_message(message.time_boot_ms, north_m, east_m, down_m, *velocity_m_s)

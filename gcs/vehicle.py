@@ -137,7 +137,7 @@ class VehicleMonitor:
         self._battery = remaining_percent / 100 if remaining_percent >= 0 else None
 
     def local_position(self, message: mavlink.MAVLink_local_position_ned_message, now_s: float) -> None:
-        """LOCAL_POSITION_NED: the autopilot's estimate in the mission frame."""
+        """LOCAL_POSITION_NED, in the mission frame: the autopilot's estimate."""
         self._local = message
         self._local_s = now_s
 

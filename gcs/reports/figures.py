@@ -224,8 +224,8 @@ def _planning(flight: FlightSeries) -> Figure:
         )  # fmt: skip
     if not handles:
         return _nothing(figure, axes, "no plans")
-    axes.autoscale_view()
-    axes.set_ylim(bottom=0.0)
+    longest_s = max(max(plan.planning_time_s, plan.budget_s) for v in flight.vehicles.values() for plan in v.plans)
+    axes.set_ylim(0.0, 1.08e3 * longest_s)
     _legend(figure, [*handles, budgets])
     return figure
 
@@ -247,6 +247,8 @@ def _links(flight: FlightSeries) -> Figure:
     for axes in rows[:2]:
         axes.set_ylim(-0.03 * max(5.0, axes.get_ylim()[1]), max(5.0, axes.get_ylim()[1]))
     rows[2].set_xlabel(_time_label(flight))
+    heard = [count for series in flight.vehicles.values() for count in series.neighbours if math.isfinite(count)]
+    rows[2].set_ylim(-0.4, max(1.0, *heard, 0.0) + 0.4)
     rows[2].yaxis.set_major_locator(MaxNLocator(integer=True))
     figure.align_ylabels(rows)
     _legend(figure, handles)

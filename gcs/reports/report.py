@@ -35,11 +35,11 @@ def write_report(flight: FlightSeries, path: Path) -> Path:
         ("Summary", json.dumps(flight.summary, indent=2, ensure_ascii=False)),
     ]
     started = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(flight.recording.start_s))
-    seed = flight.summary["seed"]
+    seed, count = flight.summary["seed"], len(scenario.vehicles)
     software = about.get("software")
     commit = str(software["commit"])[:12] if isinstance(software, dict) and "commit" in software else None
     parts = [
-        f"{len(scenario.vehicles)} vehicles", started, f"version {flight.summary['version']}",
+        f"{count} vehicle{'s' * (count != 1)}", started, f"version {flight.summary['version']}",
         *([f"seed {seed}"] if seed is not None else []), *([f"commit {commit}"] if commit else []), flight.name,
     ]  # fmt: skip
     page = Page(

@@ -1,16 +1,20 @@
 """The team's messages to a state and events, in virtual time."""
 
+import math
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gcs.commands import AUTOPILOT, ONBOARD
 from gcs.team import TeamMonitor
+from onboard.config import load_scenario
 from onboard.messages import FlightState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.team_messages import primitives_checksum
 
+LAB = Path(__file__).parents[2] / "configs" / "lab.yaml"
 T0 = 1.5e9
 BRIDGE = 250
 ONBOARD_HEARTBEAT = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
@@ -156,6 +160,25 @@ def test_what_nobody_needs_is_not_decoded_and_fast_streams_are_thinned(team):
     early_or_late_s = random.Random(1)
     read = sum(team.wants(position, 2, T0 + 0.1 * i + early_or_late_s.uniform(-0.02, 0.02)) for i in range(100))
     assert read == 50, "10 Hz for 10 s: every second one, of each vehicle its own"
+
+
+def test_with_gps_a_vehicle_is_where_it_is_on_earth_whatever_its_local_frame(heard):
+    """Oracle: a minute of latitude is a nautical mile, of longitude its cosine; the Earth is no ball: 0.5 %."""
+    field = load_scenario(LAB.with_name("field.yaml"))
+    origin, team = field.mission.origin, TeamMonitor(field)
+    latitude, longitude = origin.latitude_deg + 0.03 / 60, origin.longitude_deg + 0.05 / 60
+    place = (round(latitude * 1e7), round(longitude * 1e7), round(1e3 * origin.altitude_m) + 5000, 5000)
+    local = mavlink.MAVLink_local_position_ned_message(1, 0.3, 0.4, -5.0, 0.0, 0.0, 0.0)
+    for message in (local, mavlink.MAVLink_global_position_int_message(1, *place, 300, -400, 0, 0)):
+        assert team.wants(message.get_msgId(), 1, T0) is (message is not local)
+        team.receive(heard(1, AUTOPILOT, message), T0)
+    team.receive(heard(2, AUTOPILOT, mavlink.MAVLink_global_position_int_message(1, *[0] * 8)), T0)
+    first, second, _ = team.state(T0).vehicles
+    assert first.north_m == pytest.approx(0.03 * 1852.0, rel=5e-3)
+    assert first.east_m == pytest.approx(0.05 * 1852.0 * math.cos(math.radians(latitude)), rel=5e-3)
+    assert (first.height_m, first.speed_m_s) == pytest.approx((5.0, 5.0), abs=1e-3)
+    assert second.north_m is None, "nowhere, not at 0, 0 off Africa"
+    assert next(team.places(T0)) == (1, first.north_m, first.east_m)
 
 
 def test_how_many_targets_there_are(team, scenario, heard):
