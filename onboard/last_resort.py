@@ -1,4 +1,4 @@
-"""The last resort of one vehicle: knows where teammates are now, keeps its setpoints off them and inside the fence."""
+"""The last resort of one vehicle: knows where teammates are now, keeps off them and obstacles, and inside the fence."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LastResort:
     """Filters setpoints by what peers said of themselves, extrapolated to now.
 
     Args:
-        scenario: Separations, layers, speeds, fence.
+        scenario: Separations, layers, speeds, fence, obstacles.
         vehicle: This robot.
         hearing: What was heard of the others.
 
@@ -49,7 +49,8 @@ class LastResort:
     def __init__(self, scenario: Scenario, vehicle: VehicleConfig, hearing: Hearing) -> None:
         config = scenario.flight.guard
         self._enabled = config.enabled
-        self._guard = Guard(config, scenario.mission.fence)
+        mission = scenario.mission
+        self._guard = Guard(config, mission.fence, mission.obstacles, mission.obstacle_clearance_m)
         self._keep_m = config.separation_share * scenario.mission.separation_m
         self._layers_m = scenario.mission.layer_separation_m
         self._silence_s = config.silence_s
@@ -182,14 +183,16 @@ class LastResort:
         return None
 
     def _dangers(self, wanted: Setpoint, filtered: Setpoint, here: Point) -> dict[Condition, str]:
-        """Whether it was the fence or a teammate, or both."""
+        """Whether it was the fence, an obstacle or a teammate, or several of them."""
         if _change_m_s(wanted, filtered) <= NOTICE_M_S:
             return {}
-        fenced = self._guard.filter(wanted, here, ())
+        fenced, walled = self._guard.filter(wanted, here, (), obstacles=False), self._guard.filter(wanted, here, ())
         found = {}
         if _change_m_s(wanted, fenced) > NOTICE_M_S:
             found[Condition.FENCE_NEAR] = ""
-        if not found or _change_m_s(fenced, filtered) > NOTICE_M_S:
+        if _change_m_s(fenced, walled) > NOTICE_M_S:
+            found[Condition.OBSTACLE_NEAR] = ""
+        if not found or _change_m_s(walled, filtered) > NOTICE_M_S:
             found[Condition.TEAMMATE_NEAR] = ""
         return found
 

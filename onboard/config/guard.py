@@ -1,4 +1,4 @@
-"""The section ``flight.guard``: the last resort that keeps vehicles apart and inside the fence."""
+"""The section ``flight.guard``: the last resort that keeps vehicles apart, off obstacles and inside the fence."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ class GuardConfig(Section):
     separation_share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         default=0.75, description="of mission.separation_m; plans keep all of it, so that the guard rarely acts"
     )
-    fence_margin_m: NonNegative = Field(default=0.15, description="beyond the fence, which plans may touch")
+    fence_margin_m: NonNegative = Field(
+        default=0.15, description="beyond the fence, and within the obstacles' clearance, which plans may touch"
+    )
     brake_m_s2: Positive = Field(default=1.5, description="how hard the vehicle brakes")
     reaction_s: NonNegative = Field(default=0.3, description="until it begins to")
     peer_delay_s: NonNegative = Field(default=0.2, description="later reaction to a peer, whose word takes time")

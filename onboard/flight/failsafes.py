@@ -78,6 +78,7 @@ class Condition(Enum):
     NO_FEASIBLE_PLAN = "no feasible plan"
     PLAN_FLOWN_OUT = "plan flown out"
     FENCE_NEAR = "fence near"
+    OBSTACLE_NEAR = "obstacle near"
     TEAMMATE_NEAR = "teammate near"
     PEER_LOST = "peer lost"
     PARTITION = "partition"
@@ -271,6 +272,13 @@ RULES: Mapping[Condition, Rule] = MappingProxyType(
             Stage(_A.KEEP_OFF, 0.0, "last resort: too close to the fence; keeping off"),
             clears_s=2.0,
             over="last resort: the fence is clear again",
+        ),
+        _C.OBSTACLE_NEAR: _rule(
+            _S.WARNING,
+            "stopping distance to obstacles",
+            Stage(_A.KEEP_OFF, 0.0, "last resort: too close to an obstacle; keeping off"),
+            clears_s=2.0,
+            over="last resort: obstacles are clear again",
         ),
         _C.AUTOPILOT_LOST: _rule(
             _S.CRITICAL,

@@ -1,4 +1,4 @@
-"""The last resort below the planner: a velocity that stays off teammates and inside the fence.
+"""The last resort below the planner: a velocity that stays off teammates and obstacles, and inside the fence.
 
 Every danger bounds how fast the vehicle may approach it, by the distance that stopping takes; among the velocities that
 keep all bounds, the one nearest to what is wanted is flown. Far from danger that is what is wanted, so the filter hands
@@ -130,22 +130,37 @@ class Guard:
     Args:
         config: Braking, reaction, margins.
         fence: Corners (north m, east m) of the mission area.
+        obstacles: The same of what stands in it.
+        clearance_m: That plans keep from obstacles.
     """
 
-    def __init__(self, config: GuardConfig, fence: Sequence[Point]) -> None:
+    def __init__(
+        self,
+        config: GuardConfig,
+        fence: Sequence[Point],
+        obstacles: Sequence[Sequence[Point]] = (),
+        clearance_m: float = 0.0,
+    ) -> None:
         self._config = config
         self._fence = tuple(fence)
+        self._obstacles = [(tuple(corners), _box(corners)) for corners in obstacles]
+        self._keep_m = max(clearance_m - config.fence_margin_m, 0.0)
 
-    def filter(self, setpoint: Setpoint, place: Point, obstructions: Sequence[Obstruction]) -> Setpoint:
+    def filter(
+        self, setpoint: Setpoint, place: Point, obstructions: Sequence[Obstruction], *, obstacles: bool = True
+    ) -> Setpoint:
         """The setpoint, with a velocity that keeps off; the same object where it does already.
 
         Args:
             setpoint: What is wanted.
             place: Where the vehicle is, mission frame, m.
             obstructions: Whom to keep off, on its layer.
+            obstacles: Whether obstacles are kept off, too.
         """
         wanted = (setpoint.velocity_north_m_s, setpoint.velocity_east_m_s)
         bounds = [*self._fence_bounds(place), *self._peer_bounds(place, obstructions)]
+        if obstacles:
+            bounds += self._obstacle_bounds(place, math.hypot(*wanted))
         if _keeps(wanted, bounds):
             return setpoint
         return setpoint.at_velocity(*nearest_velocity(wanted, bounds))
@@ -166,23 +181,55 @@ class Guard:
     def _fence_bounds(self, place: Point) -> list[Bound]:
         """One for each edge; outside, only the nearest one, which calls back in."""
         margin = self._config.fence_margin_m
+        to_edges = _to_edges(self._fence, place)
         if not contains(self._fence, place):
-            north, east = min((self._to_edge(place, index) for index in range(len(self._fence))), key=_length)
+            north, east = min(to_edges, key=_length)
             apart = math.hypot(north, east)
             if apart < 1e-6:
                 return []
             return [Bound(-north / apart, -east / apart, approach_speed_m_s(margin - apart, self._config))]
+        return self._towards(to_edges, margin)
+
+    def _obstacle_bounds(self, place: Point, speed_m_s: float) -> list[Bound]:
+        """One for each edge of what is near enough for this speed; inside, only the nearest one, which calls out."""
+        speed_m_s = max(speed_m_s, self._config.retreat_m_s)
         bounds = []
-        for index in range(len(self._fence)):
-            north, east = self._to_edge(place, index)
-            apart = math.hypot(north, east)
-            if apart >= 1e-6:
-                bounds.append(Bound(north / apart, east / apart, approach_speed_m_s(apart + margin, self._config)))
+        for corners, ((north0, east0), (north1, east1)) in self._obstacles:
+            away = (max(north0 - place[0], place[0] - north1, 0.0), max(east0 - place[1], place[1] - east1, 0.0))
+            if approach_speed_m_s(_length(away) - self._keep_m, self._config) >= speed_m_s:
+                continue
+            to_edges = _to_edges(corners, place)
+            if not contains(corners, place):
+                bounds += self._towards(to_edges, -self._keep_m)
+                continue
+            north, east = min(to_edges, key=_length)
+            deep = math.hypot(north, east)
+            if deep >= 1e-6:
+                back = approach_speed_m_s(-deep - self._keep_m, self._config)
+                bounds.append(Bound(-north / deep, -east / deep, back))
         return bounds
 
-    def _to_edge(self, place: Point, index: int) -> Point:
-        north, east = nearest_on_segment(self._fence[index - 1], self._fence[index], place)
-        return north - place[0], east - place[1]
+    def _towards(self, to_edges: Sequence[Point], margin_m: float) -> list[Bound]:
+        """How fast edges may be approached that lie there, relative to the vehicle, with a margin beyond them."""
+        bounds = []
+        for north, east in to_edges:
+            apart = math.hypot(north, east)
+            if apart >= 1e-6:
+                speed = approach_speed_m_s(apart + margin_m, self._config)
+                bounds.append(Bound(north / apart, east / apart, speed))
+        return bounds
+
+
+def _to_edges(corners: Sequence[Point], place: Point) -> list[Point]:
+    """From a place to the nearest point of each edge."""
+    nearest = [nearest_on_segment(corners[index - 1], corners[index], place) for index in range(len(corners))]
+    return [(north - place[0], east - place[1]) for north, east in nearest]
+
+
+def _box(corners: Sequence[Point]) -> tuple[Point, Point]:
+    """Southwest and northeast corner of what surrounds a polygon."""
+    norths, easts = zip(*corners, strict=True)
+    return (min(norths), min(easts)), (max(norths), max(easts))
 
 
 def _length(vector: Point) -> float:

@@ -36,6 +36,7 @@ FLIGHT = frozenset(
         Condition.NO_FEASIBLE_PLAN,
         Condition.PLAN_FLOWN_OUT,
         Condition.FENCE_NEAR,
+        Condition.OBSTACLE_NEAR,
         Condition.TEAMMATE_NEAR,
         Condition.PEER_LOST,
         Condition.PARTITION,

@@ -69,7 +69,7 @@ def test_a_fault_has_its_reaction_in_time_and_harms_nobody_else(outcomes, name, 
 class Alone:
     """Vehicle 2 without its teammates."""
 
-    def __init__(self, phase, autopilot="px4", *, parameters=MappingProxyType({}), **dynamics):
+    def __init__(self, phase, autopilot="px4", *, parameters=MappingProxyType({}), obstacles=(), **dynamics):
         lab = flown_by(load_scenario(ROOT / "configs" / "lab.yaml"), autopilot)
         simulation = lab.simulation.model_copy(
             update={
@@ -77,7 +77,8 @@ class Alone:
                 "vehicles": lab.simulation.vehicles.model_copy(update=dynamics),
             }
         )
-        lab = lab.model_copy(update={"vehicles": (lab.vehicle(VICTIM),), "simulation": simulation})
+        mission = lab.mission.model_copy(update={"obstacles": obstacles})
+        lab = lab.model_copy(update={"vehicles": (lab.vehicle(VICTIM),), "simulation": simulation, "mission": mission})
         self.flight = Flight(lab, 1)
         self.flight.fly_to(phase)
         self.begin_s = self.flight.now_s
@@ -132,7 +133,15 @@ def ground_station_lost_by_the_autopilot():
 
 
 def plans_through_the_fence():
-    alone = Alone(Phase.TRACKING)
+    return plans_straight_on(Alone(Phase.TRACKING))
+
+
+def plans_through_a_wall():
+    walls = tuple(((0.0, east), (4.0, east), (4.0, east + 0.2), (0.0, east + 0.2)) for east in (1.5, 6.3))
+    return plans_straight_on(Alone(Phase.TRACKING, obstacles=walls))
+
+
+def plans_straight_on(alone):
     now_s, machine = alone.flight.now_s, alone.companion.machine
     out = PlanTrajectory(now_s, machine.reference_pose(now_s), [Primitive(1.0, 0.0)] * 12, 0.5)
     return alone, 8.0, lambda: machine.fly(out, now_s, now_s + 60.0)  # the arena is 8 m long
@@ -144,6 +153,7 @@ HAPPENINGS = {
     Condition.POSITION_LOST: position_switched_off,
     Condition.FAILSAFE_LASTS: ground_station_lost_by_the_autopilot,
     Condition.FENCE_NEAR: plans_through_the_fence,
+    Condition.OBSTACLE_NEAR: plans_through_a_wall,
 }
 
 

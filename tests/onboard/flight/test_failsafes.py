@@ -78,6 +78,7 @@ HAPPENINGS: dict[Condition, Callable[[Flight], None]] = {
         Condition.PLANNER_HANGS,
         Condition.NO_FEASIBLE_PLAN,
         Condition.FENCE_NEAR,
+        Condition.OBSTACLE_NEAR,
         Condition.TEAMMATE_NEAR,
         Condition.PEER_LOST,
         Condition.PARTITION,

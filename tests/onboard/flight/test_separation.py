@@ -63,6 +63,25 @@ def test_far_from_everything_the_setpoint_is_untouched() -> None:
     assert Guard(CONFIG, FENCE).filter(wanted, (2.0, 4.0), [Obstruction(2.0, 7.0, 0.6)]) is wanted
 
 
+BLOCK = ((1.0, 3.0), (2.0, 3.0), (2.0, 5.0), (1.0, 5.0))
+
+
+def test_an_obstacle_is_approached_as_slowly_as_the_fence_and_kept_off() -> None:
+    guard = Guard(CONFIG, FENCE, [BLOCK], CONFIG.fence_margin_m + 0.1)
+    for gap_m in (0.0, 0.2, 0.6):
+        filtered = guard.filter(setpoint(2.0, 0.0), (0.9 - gap_m, 4.0), [])
+        assert filtered.velocity_north_m_s == pytest.approx(approach_speed_m_s(gap_m, CONFIG))
+    wanted = setpoint(0.0, 1.0)
+    assert guard.filter(wanted, (0.5, 4.0), []) is wanted, "along it"
+    assert guard.filter(setpoint(1.0, 0.0), (0.9, 4.0), [], obstacles=False).velocity_north_m_s == 1.0
+
+
+def test_who_is_inside_an_obstacle_or_too_near_is_led_out() -> None:
+    guard = Guard(CONFIG, FENCE, [BLOCK], CONFIG.fence_margin_m + 0.1)
+    assert guard.filter(setpoint(0.0, 0.0), (1.2, 4.0), []).velocity_north_m_s < -0.1
+    assert guard.filter(setpoint(0.0, 0.0), (0.95, 4.0), []).velocity_north_m_s < -0.05
+
+
 def test_a_trajectory_that_is_not_flown_leads_no_acceleration() -> None:
     wanted = replace(setpoint(1.0, 0.5), acceleration_north_m_s2=3.0, acceleration_east_m_s2=-3.0)
     filtered = Guard(CONFIG, FENCE).filter(wanted, (3.95, 4.0), [])
