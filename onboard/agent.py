@@ -70,7 +70,9 @@ class Agent:
         estimator: DistributedFilter | None = None,
     ) -> None:
         below = [mate.id for mate in scenario.vehicles if mate.layer_m < vehicle.layer_m]
-        self.team = TeamTable(vehicle.id, scenario.estimation.neighbour_timeout_s, below)
+        self.team = TeamTable(
+            vehicle.id, scenario.estimation.neighbour_timeout_s, below, epoch_s=scenario.mission.epoch_s
+        )
         self.grid = VisibilityGrid(
             scenario.mission.fence,
             scenario.exploration.cell_m,

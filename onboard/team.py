@@ -11,6 +11,9 @@ from onboard.messages import FlightState, PeerStatus
 
 __all__ = ["Group", "TeamTable"]
 
+SAME_S = 1e-3
+"""Times of step 0 that are no farther apart are the same."""
+
 _ABOUT_TO_FLY = (FlightState.WAIT, FlightState.STANDBY, FlightState.ARM)
 
 
@@ -34,11 +37,13 @@ class TeamTable:
         system_id: This robot.
         timeout_s: Silence after which a peer is out of range, s.
         below: System ids of the teammates whose layers this robot crosses on its way down.
+        epoch_s: From one replanning to the next, s; with infinity only who began at the same time plans together.
     """
 
-    def __init__(self, system_id: int, timeout_s: float, below: Iterable[int] = ()) -> None:
+    def __init__(self, system_id: int, timeout_s: float, below: Iterable[int] = (), epoch_s: float = math.inf) -> None:
         self._system_id = system_id
         self._timeout_s = timeout_s
+        self._epoch_s = epoch_s
         self._below = frozenset(below)
         self._heard: dict[int, tuple[float, PeerStatus]] = {}
 
@@ -57,18 +62,21 @@ class TeamTable:
         return status if time_s - heard_s <= self._timeout_s else None
 
     def group(self, time_s: float, mission_start_s: float) -> Group:
-        """The robots of the same mission that this one reaches, over neighbours' neighbour lists, while they fly plans.
+        """The robots that this one reaches, over neighbours' neighbour lists, while they fly plans in its rhythm.
 
-        A robot that is only known from a neighbour's list counts as flying plans: two robots that can't hear each other
-        then still do not plan at the same time.
+        Who began some epochs later has the same epochs. A robot that is only known from a neighbour's list counts as
+        flying plans: two robots that can't hear each other then still do not plan at the same time.
         """
         members = {self._system_id}
         for peer in self.neighbours(time_s):
             status = self._heard[peer][1]
-            if status.state not in PLANNING or status.mission_start_s != mission_start_s:
+            if not self._plans_with(status, mission_start_s):
                 continue
             members.add(peer)
-            members.update(other for other in status.neighbours if self._flies_plans(other, time_s))
+            for other in status.neighbours:
+                known = self.status(other, time_s)
+                if known is None or self._plans_with(known, mission_start_s):
+                    members.add(other)
         ordered = tuple(sorted(members))
         return Group(ordered, ordered.index(self._system_id))
 
@@ -90,6 +98,8 @@ class TeamTable:
         """Whether a peer that is heard no more may be in the way since."""
         return status.state in _ABOUT_TO_FLY or self._crosses(status)
 
-    def _flies_plans(self, peer: int, time_s: float) -> bool:
-        known = self.status(peer, time_s)
-        return known is None or known.state in PLANNING
+    def _plans_with(self, status: PeerStatus, mission_start_s: float) -> bool:
+        """Whether a robot flies plans that begin when those of a mission do."""
+        if status.state not in PLANNING or status.mission_start_s is None:
+            return False
+        return abs(math.remainder(status.mission_start_s - mission_start_s, self._epoch_s)) < SAME_S

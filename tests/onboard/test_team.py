@@ -61,6 +61,18 @@ def test_only_robots_that_fly_plans_of_this_mission_are_in_the_group() -> None:
     assert (group.members, group.order) == ((2, 4), 0)
 
 
+def test_who_began_some_epochs_later_plans_with_the_others_and_who_is_out_of_their_rhythm_does_not() -> None:
+    """2 hears all; 3 began three epochs later, 4 half an epoch; all agree on who plans with whom."""
+    starts = {1: MISSION, 2: MISSION, 3: MISSION + 3.6, 4: MISSION + 0.6}
+    seen = {}
+    for me, start in starts.items():
+        team = TeamTable(me, timeout_s=1.5, epoch_s=1.2)
+        for peer, begun in starts.items():
+            team.receive(status(peer, *starts, start=begun), 10.0)
+        seen[me] = team.group(10.0, start).members
+    assert seen == {1: (1, 2, 3), 2: (1, 2, 3), 3: (1, 2, 3), 4: (4,)}
+
+
 def test_a_robot_alone_is_a_group() -> None:
     assert TeamTable(9, timeout_s=1.5).group(10.0, MISSION).members == (9,)
 
