@@ -140,6 +140,8 @@ def gcs(
     Ctrl-C ends it when it only watches; the vehicles fly on. Exits with 0, or 1 when a team that it started did not
     land in time, 2 for bad input or ports in use.
     """
+    if duration is not None and math.isnan(duration):
+        refuse("--duration nan: a time in seconds is needed, or none to fly until Ctrl-C")
     if duration is not None and not start:
         refuse("--duration needs --start: a station that only watches does not end a flight")
     scenario = _forwarding(load(config), forward)

@@ -117,6 +117,10 @@ class MissionDirector:
         self._landed_by_operator.add(vehicle_id)
         self._land_asked_s[vehicle_id, ONBOARD] = self._land_asked_s[vehicle_id, AUTOPILOT] = now_s
 
+    def started_by_operator(self, vehicle_id: int) -> None:
+        """An operator starts this vehicle: it is looked after again."""
+        self._landed_by_operator.discard(vehicle_id)
+
     def update(self, team: TeamState) -> list[Command]:
         """What to command now, given the team at this moment."""
         self._advance(team)

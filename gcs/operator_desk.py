@@ -37,6 +37,9 @@ _REASON_WINDOW_S = 1.5
 """A vehicle says in a text why it refused; it arrives this long after the refusal at most."""
 
 
+_LATE_WITHIN_S = 30.0
+"""An acknowledgement that comes so long after its order was given up still tells what became of it."""
+
 _REFUSED = re.compile(r"^\w+ refused: ")
 """How onboard processes begin to say why; whoever asks for the reason knows that it was refused."""
 
@@ -115,6 +118,7 @@ class CommandRecord:
         outcome: Where it is.
         result: The answer in words; empty while there is none.
         waiting: Ways that have not answered yet.
+        failures: How ways ended without an acknowledgement while another was still open.
     """
 
     time_s: float
@@ -125,6 +129,7 @@ class CommandRecord:
     outcome: Outcome
     result: str
     waiting: frozenset[Way]
+    failures: tuple[tuple[Outcome, str], ...] = ()
 
     @property
     def to(self) -> str:
@@ -198,7 +203,7 @@ class OperatorDesk:
             )
         )
 
-    def rerouted(self, action: Action, vehicle: int, way: Way) -> bool:
+    def rerouted(self, action: Action, vehicle: int, way: Way, now_s: float) -> bool:
         """MAVSDK could not send it, and another way is taken; False if the order is over, or goes that way already."""
         taken = False
 
@@ -206,7 +211,7 @@ class OperatorDesk:
             nonlocal taken
             waiting = old.waiting - {Way.MAVSDK}
             if way in old.ways:
-                return replace(old, waiting=waiting)
+                return _judged(replace(old, waiting=waiting), now_s)
             taken = True
             return replace(old, ways=(way,), waiting=waiting | {way})
 
@@ -223,6 +228,20 @@ class OperatorDesk:
             result = result_name(outcome.result) + circumstance
             self._answer(action, outcome.target[0], way, verdict, result, now_s)
 
+    def answered_late(self, outcome: CommandOutcome, now_s: float) -> bool:
+        """An answer has come to a MAVLink command that is over; whether it changes what was said of an order."""
+        way = Way.ONBOARD if outcome.target[1] == ONBOARD else Way.DIRECT
+        verdict = Outcome.ACKNOWLEDGED if outcome.accepted else Outcome.REFUSED
+        changed = False
+        for i, old in enumerate(self._records):
+            meant = old.vehicle == outcome.target[0] and old.action in _ACTIONS_OF.get((way, outcome.command), ())
+            if not (meant and old.outcome is Outcome.TIMED_OUT and way in old.ways and old.ended_s is not None):
+                continue
+            if now_s - old.ended_s <= _LATE_WITHIN_S:
+                self._records[i] = _closed(old, verdict, f"{result_name(outcome.result)}, late", now_s)
+                changed = True
+        return changed
+
     def fleet_ended(self, outcome: FleetOutcome, now_s: float) -> None:
         """MAVSDK tells how an order ended; what it could not send at all is :meth:`rerouted` instead."""
         verdict = {Verdict.ACCEPTED: Outcome.ACKNOWLEDGED, Verdict.TIMED_OUT: Outcome.TIMED_OUT}.get(
@@ -237,10 +256,10 @@ class OperatorDesk:
         def take(old: CommandRecord) -> CommandRecord:
             if way not in old.waiting:
                 return old
-            waiting = old.waiting - {way}
-            if verdict is Outcome.ACKNOWLEDGED or not waiting:
-                return _closed(replace(old, waiting=waiting), verdict, result, now_s)
-            return replace(old, waiting=waiting)
+            answered = replace(old, waiting=old.waiting - {way})
+            if verdict is Outcome.ACKNOWLEDGED:
+                return _closed(answered, verdict, result, now_s)
+            return _judged(replace(answered, failures=(*old.failures, (verdict, result))), now_s)
 
         self._change(action, vehicle, take)
 
@@ -266,6 +285,14 @@ def refusal_reason(record: CommandRecord, events: Iterable[Event]) -> str | None
         if about and event.spoken and -0.3 <= event.time_s - record.ended_s <= _REASON_WINDOW_S:
             return _REFUSED.sub("", event.text)
     return None
+
+
+def _judged(record: CommandRecord, now_s: float) -> CommandRecord:
+    """Ended once no way is open: a refusal says more than a silence."""
+    if record.waiting or not record.failures:
+        return record
+    refusals = [failure for failure in record.failures if failure[0] is Outcome.REFUSED]
+    return _closed(record, *(refusals or list(record.failures))[0], now_s)
 
 
 def _closed(record: CommandRecord, outcome: Outcome, result: str, now_s: float) -> CommandRecord:

@@ -251,6 +251,9 @@ class GroundStation:
                 self.director.land(now_s, UNHURRIED)
             for vehicle_id in ids:
                 self.director.landed_by_operator(vehicle_id, now_s)
+        if self.director is not None and order.action is Action.START:
+            for vehicle_id in ids:
+                self.director.started_by_operator(vehicle_id)
         start_s = self._start_s(team)
         for vehicle in vehicles:
             command = command_for(order.action, vehicle, start_s)
@@ -259,6 +262,9 @@ class GroundStation:
                 continue
             ways = self._ways(order.action, vehicle.id)
             self.desk.opened(order.action, vehicle.id, ways, now_s)
+            target = (command.target_system, command.target_component)
+            if order.action is Action.START and self._commands.pending(command.command, target):
+                continue  # a second start with another step 0 would be refused, and hide that the first was taken
             if ways != (Way.MAVSDK,):
                 self._commands.request(command, now_s)
 
@@ -287,7 +293,7 @@ class GroundStation:
         source = f"vehicle {outcome.vehicle}"
         action = next(known for known in Action if known.fleet_action is outcome.action)
         if outcome.verdict is Verdict.UNAVAILABLE:
-            if self.desk.rerouted(action, outcome.vehicle, Way.DIRECT):
+            if self.desk.rerouted(action, outcome.vehicle, Way.DIRECT, now_s):
                 team = self.team.state(now_s)
                 self._commands.request(command_for(action, team.vehicle(outcome.vehicle), 0.0), now_s)
                 text = f"{outcome.reason}: {action.value.lower()} goes to the autopilot directly"
@@ -343,6 +349,12 @@ class GroundStation:
         outcome = self._commands.receive(ack, now_s)
         if outcome is not None:
             self._note(outcome, now_s)
+            return
+        source = (ack.get_srcSystem(), ack.get_srcComponent())
+        if ack.result != mavlink.MAV_RESULT_IN_PROGRESS and not self._commands.pending(ack.command, source):
+            late = CommandOutcome(ack.command, source, ack.result)
+            if self.desk.answered_late(late, now_s):
+                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, f"vehicle {source[0]}", f"{describe(late)}, late")
 
     def _note(self, outcome: CommandOutcome, now_s: float) -> None:
         silence = self._silence_of(outcome.target, now_s) if outcome.result is None else ""

@@ -85,6 +85,7 @@ def test_version():
         ("fly", "missing.yaml"),
         ("fly", LAB, "--duration", "-1"),
         ("fly", LAB, "--duration", "nan"),
+        ("gcs", LAB, "--start", "--duration", "nan"),
         ("fly", LAB, "--seed", "-3"),
         ("fly", LAB, "--json", "/no/such/folder/r.json"),
         ("onboard", LAB, "--vehicle", "9"),

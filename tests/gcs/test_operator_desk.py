@@ -123,8 +123,8 @@ def test_mavsdks_answer_ends_an_order(desk, verdict, outcome):
 
 def test_what_mavsdk_cannot_send_goes_directly_once(desk):
     desk.opened(Action.LAND, 2, (Way.MAVSDK,), T0)
-    assert desk.rerouted(Action.LAND, 2, Way.DIRECT)
-    assert not desk.rerouted(Action.LAND, 2, Way.DIRECT)
+    assert desk.rerouted(Action.LAND, 2, Way.DIRECT, T0)
+    assert not desk.rerouted(Action.LAND, 2, Way.DIRECT, T0)
     desk.ended(CommandOutcome(LAND, (2, AUTOPILOT), 0), T0 + 1.0)
     assert [(record.outcome, record.to) for record in desk.records] == [(Outcome.ACKNOWLEDGED, "autopilot, directly")]
 
@@ -136,9 +136,27 @@ def test_of_an_emergency_stops_two_ways_one_acknowledgement_is_enough(desk):
     desk.ended(CommandOutcome(STOP, (1, AUTOPILOT), 0), T0 + 1.1)
     desk.fleet_ended(FleetOutcome(2, FleetAction.STOP, Verdict.TIMED_OUT, "no answer"), T0 + 1.2)
     desk.ended(CommandOutcome(STOP, (2, AUTOPILOT), None), T0 + 1.3)
-    assert not desk.rerouted(Action.STOP, 3, Way.DIRECT), "it goes directly already"
+    assert not desk.rerouted(Action.STOP, 3, Way.DIRECT, T0), "it goes directly already"
     desk.ended(CommandOutcome(STOP, (3, AUTOPILOT), mavlink.MAV_RESULT_DENIED), T0 + 1.4)
     assert [record.outcome for record in desk.records] == [Outcome.ACKNOWLEDGED, Outcome.TIMED_OUT, Outcome.REFUSED]
+
+
+def test_an_emergency_stop_that_is_refused_ends_also_when_mavsdk_fails_afterwards(desk):
+    desk.opened(Action.STOP, 1, (Way.MAVSDK, Way.DIRECT), T0)
+    desk.ended(CommandOutcome(STOP, (1, AUTOPILOT), mavlink.MAV_RESULT_DENIED), T0 + 0.1)
+    assert desk.records[0].outcome is Outcome.SENT, "MAVSDK may still succeed"
+    assert not desk.rerouted(Action.STOP, 1, Way.DIRECT, T0 + 2.5)
+    assert (desk.records[0].outcome, desk.records[0].result) == (Outcome.REFUSED, "denied")
+
+
+def test_a_late_answer_corrects_what_was_said(desk):
+    desk.opened(Action.LAND, 1, (Way.DIRECT,), T0)
+    desk.ended(CommandOutcome(LAND, (1, AUTOPILOT), None), T0 + 2.5)
+    late = CommandOutcome(LAND, (1, AUTOPILOT), 0)
+    assert not desk.answered_late(CommandOutcome(LAND, (1, ONBOARD), 0), T0 + 3.0), "another component"
+    assert desk.answered_late(late, T0 + 3.0)
+    assert (desk.records[0].outcome, desk.records[0].result) == (Outcome.ACKNOWLEDGED, "accepted, late")
+    assert not desk.answered_late(late, T0 + 3.1), "once"
 
 
 def test_records_are_bounded(desk):

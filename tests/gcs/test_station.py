@@ -301,6 +301,26 @@ def test_who_did_not_answer_is_said_to_be_silent_if_it_is(station, remotes, stan
     ]
 
 
+def test_a_start_that_is_pressed_twice_is_one_and_an_answer_after_the_last_attempt_still_counts(
+    station, remotes, stand_by, clock
+):
+    station.director = None
+    stand_by(FlightState.STANDBY)
+    station.desk.submit(Order(Action.START, (2,)))
+    station.tick()
+    clock.now_s += 0.6
+    station.desk.submit(Order(Action.START, (2,)))
+    for _ in range(35):
+        station.tick()
+        clock.now_s += 0.1
+    starts = station.loop.take("COMMAND_INT")
+    assert len({(m.x, m.y) for _, m in starts}) == 1
+    assert [record.outcome for record in station.desk.records] == [Outcome.TIMED_OUT] * 2
+    remotes[2, 191].say(ack(mavlink.MAV_CMD_ARVI_START))
+    assert [record.outcome for record in station.desk.records] == [Outcome.ACKNOWLEDGED] * 2
+    assert any(event.text.endswith("took ARVI_START, late") for event in station.team.take_events())
+
+
 def test_an_operator_who_lands_all_ends_the_flight(station, remotes, stand_by, clock):
     stand_by(FlightState.TRACK, armed=True)
     station.desk.submit(Order(Action.LAND, (1, 2, 3)))
