@@ -1,4 +1,4 @@
-"""The ground station's asyncio shell: sockets, heartbeats, orders on their ways, and the ticks of the cores."""
+"""The ground station's asyncio shell: sockets, heartbeats, and the ticks of the cores."""
 
 from __future__ import annotations
 
@@ -10,21 +10,20 @@ from collections import Counter
 from collections.abc import Callable
 
 from gcs.attention import Attention
-from gcs.commands import AUTOPILOT, component_name, describe
-from gcs.fleet import FleetOutcome, FleetProcess, Verdict
-from gcs.mission import UNHURRIED, MissionDirector
+from gcs.commands import component_name
+from gcs.dispatch import Dispatch
+from gcs.fleet import FleetProcess
+from gcs.mission import MissionDirector
 from gcs.onboard_gate import OnboardGate
-from gcs.operator_desk import Action, OperatorDesk, Order, Way, command_for
+from gcs.operator_desk import OperatorDesk
 from gcs.recording.recorder import OTHERS, Recorder, link_names
 from gcs.router import TEAM, Port
 from gcs.switchboard import Switchboard
-from gcs.team import SOON_REPLACED, TeamMonitor, TeamState
-from gcs.vehicle_state import HEARTBEAT_TIMEOUT_S
+from gcs.team import SOON_REPLACED, TeamMonitor
 from onboard.config import Scenario
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.addressing import SystemComponent
 from onboard.protocol.codec import Codec, RefusalNotice, message_id
-from onboard.protocol.commands import Command, CommandClient, CommandOutcome
 from onboard.signing_keeper import SigningKeeper, keeping
 
 __all__ = ["COMPONENT_ID", "GroundStation"]
@@ -34,9 +33,6 @@ COMPONENT_ID = mavlink.MAV_COMP_ID_MISSIONPLANNER
 
 _TICK_S = 0.1
 _HEARTBEAT_S = 1.0
-_OPPOSITES = (Action.PAUSE, Action.RESUME)
-"""One MAVLink command: an acknowledgement does not say of which, so one is under way to a vehicle at a time."""
-
 _TOLD_STRANGERS = 8
 _MAX_STRANGERS = 32
 """Components outside the scenario that are listened to on the team's link; more are ignored."""
@@ -47,7 +43,6 @@ class GroundStation:
 
     Attributes:
         team: What the team's messages say.
-        director: Decides what is commanded; None only watches.
         desk: Where an operator's orders arrive, from any thread.
         switchboard: Its links.
         scenario: Whose team it watches.
@@ -79,7 +74,6 @@ class GroundStation:
             SigningError: The team's key cannot be used.
         """
         self.team = TeamMonitor(scenario)
-        self.director = director
         self.desk = desk if desk is not None else OperatorDesk()
         self.scenario = scenario
         self._recorder = recorder
@@ -102,8 +96,7 @@ class GroundStation:
         self._codec = Codec(*self._identity, self._gate.signing)
         self._reader = Codec(*self._identity)
         self._unreadable = RefusalNotice()
-        self._commands = CommandClient()
-        self._held: list[tuple[Action, Command]] = []
+        self._dispatch = Dispatch(scenario.mission, self.team, self.desk, director)
         self.switchboard = Switchboard(scenario.ground, self._frame, self._missed, self._mavsdk_identity)
         self.switchboard.admit(self._admits)
         self.switchboard.verify(self._gate.lets_in)
@@ -130,12 +123,13 @@ class GroundStation:
         if mavsdk:
             self._fleet = FleetProcess(self.switchboard.share_port, self._mavsdk_identity, self._tell_fleet)
             self._fleet.start()
+            self._dispatch.fleet = self._fleet
 
     async def close(self) -> None:
         """Stop listening, and end MAVSDK."""
         if self._fleet is not None:
             await self._fleet.stop()
-            self._fleet = None
+            self._fleet = self._dispatch.fleet = None
         await self._open.aclose()
         self.switchboard.close()
 
@@ -145,6 +139,11 @@ class GroundStation:
             self.tick()
             await asyncio.sleep(_TICK_S)
 
+    @property
+    def director(self) -> MissionDirector | None:
+        """Who decides what is commanded; None for a station that only watches."""
+        return self._dispatch.director
+
     def mavsdk_reaches(self, vehicle_id: int) -> bool:
         """Whether MAVSDK is connected to a vehicle's autopilot."""
         return self._fleet is not None and self._fleet.reaches(vehicle_id)
@@ -153,20 +152,8 @@ class GroundStation:
         """Let time pass: read what has arrived, heartbeats, commands and their repetition, the cores' own clocks."""
         heard_until_s = self._listen()
         now_s = self._clock()
-        if self.director is not None:
-            for command in self.director.update(self.team.state(now_s)):
-                self._commands.request(command, now_s)
-        for order in self.desk.take():
-            self._obey(order, now_s)
-        self._send_held(now_s)
-        if self._fleet is not None:
-            for fleet_outcome in self._fleet.poll():
-                self._fleet_ended(fleet_outcome, now_s)
-        due, unanswered = self._commands.poll(now_s, heard_until_s)
-        for command in due:
+        for command in self._dispatch.update(now_s, heard_until_s):
             self._send((command.target_system, command.target_component), command, now_s)
-        for outcome in unanswered:
-            self._note(outcome, now_s)
         if self._steady() >= self._next_heartbeat_s:
             self._next_heartbeat_s = self._steady() + _HEARTBEAT_S
             self._heartbeat(now_s)
@@ -239,86 +226,8 @@ class GroundStation:
             else:
                 self.team.receive(message, arrived_s)
 
-    def _obey(self, order: Order, now_s: float) -> None:
-        """Command what an operator orders; a director that flies the team is told what it must not undo."""
-        team = self.team.state(now_s)
-        vehicles = [vehicle for vehicle in team.vehicles if vehicle.id in order.vehicles]
-        ids = [vehicle.id for vehicle in vehicles]
-        text = f"{order.action.value.lower()} vehicle{'s' * (len(ids) != 1)} {', '.join(map(str, ids)) or 'none'}"
-        self.team.note(now_s, mavlink.MAV_SEVERITY_NOTICE, "operator", text)
-        if self.director is not None and order.action.ends_flight:
-            if len(ids) == len(team.vehicles):
-                self.director.land(now_s, UNHURRIED)
-            for vehicle_id in ids:
-                self.director.landed_by_operator(vehicle_id, now_s)
-        if self.director is not None and order.action is Action.START:
-            for vehicle_id in ids:
-                self.director.started_by_operator(vehicle_id)
-        start_s = self._start_s(team)
-        for vehicle in vehicles:
-            command = command_for(order.action, vehicle, start_s)
-            if order.action in _OPPOSITES:
-                self._held.append((order.action, command))
-                continue
-            ways = self._ways(order.action, vehicle.id)
-            self.desk.opened(order.action, vehicle.id, ways, now_s)
-            target = (command.target_system, command.target_component)
-            if order.action is Action.START and self._commands.pending(command.command, target):
-                continue  # a second start with another step 0 would be refused, and hide that the first was taken
-            if ways != (Way.MAVSDK,):
-                self._commands.request(command, now_s)
-
-    def _send_held(self, now_s: float) -> None:
-        """Send what had to wait for the end of its opposite, in the order in which it was given."""
-        held, self._held = self._held, []
-        for action, command in held:
-            target = (command.target_system, command.target_component)
-            if self._commands.pending(command.command, target):
-                self._held.append((action, command))
-                continue
-            self.desk.opened(action, command.target_system, (Way.ONBOARD,), now_s)
-            self._commands.request(command, now_s)
-
-    def _ways(self, action: Action, vehicle_id: int) -> tuple[Way, ...]:
-        """Where an order goes; what MAVSDK takes it has then."""
-        fleet_action = action.fleet_action
-        if fleet_action is None:
-            return (Way.ONBOARD,)
-        if self._fleet is None or not self._fleet.order(fleet_action, vehicle_id):
-            return (Way.DIRECT,)
-        return (Way.MAVSDK, Way.DIRECT) if action is Action.STOP else (Way.MAVSDK,)
-
-    def _fleet_ended(self, outcome: FleetOutcome, now_s: float) -> None:
-        """MAVSDK has ended an order; what it could not send goes directly."""
-        source = f"vehicle {outcome.vehicle}"
-        action = next(known for known in Action if known.fleet_action is outcome.action)
-        if outcome.verdict is Verdict.UNAVAILABLE:
-            if self.desk.rerouted(action, outcome.vehicle, Way.DIRECT, now_s):
-                team = self.team.state(now_s)
-                self._commands.request(command_for(action, team.vehicle(outcome.vehicle), 0.0), now_s)
-                text = f"{outcome.reason}: {action.value.lower()} goes to the autopilot directly"
-                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, source, text)
-            return
-        self.desk.fleet_ended(outcome, now_s)
-        verbs = {Verdict.ACCEPTED: "took", Verdict.REFUSED: "refused", Verdict.TIMED_OUT: "did not answer"}
-        text = f"autopilot {verbs[outcome.verdict]} {action.value.lower()} (MAVSDK)"
-        if outcome.verdict is Verdict.REFUSED:
-            text += f": {outcome.reason}"
-        accepted = outcome.verdict is Verdict.ACCEPTED
-        self.team.note(now_s, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING, source, text)
-
     def _tell_fleet(self, text: str) -> None:
         self.team.note(self._clock(), mavlink.MAV_SEVERITY_WARNING, "ground", text)
-
-    def _start_s(self, team: TeamState) -> float:
-        """UNIX time of step 0 for those who are started now: the team's, if that is still to come.
-
-        Else it is as many epochs after it as are needed to take off: robots of one group plan in turn, epoch by epoch.
-        """
-        mission = self.scenario.mission
-        earliest_s, epoch_s = team.time_s + mission.takeoff_time_s, mission.replan_steps * mission.step_s
-        first_s = team.mission_start_s if team.mission_start_s is not None else 0.0
-        return first_s + epoch_s * max(0, math.ceil((earliest_s - first_s) / epoch_s - 1e-6))
 
     def _admits(self, source: SystemComponent, port: Port) -> bool:
         """Whether a component heard for the first time is listened to; of strangers the operator is told."""
@@ -346,29 +255,7 @@ class GroundStation:
         # 0 is "not filled in" by senders of the message's first version; anything else that is not us is not for us.
         if ack.target_system not in (0, self._identity[0]) or ack.target_component not in (0, self._identity[1]):
             return
-        outcome = self._commands.receive(ack, now_s)
-        if outcome is not None:
-            self._note(outcome, now_s)
-            return
-        source = (ack.get_srcSystem(), ack.get_srcComponent())
-        if ack.result != mavlink.MAV_RESULT_IN_PROGRESS and not self._commands.pending(ack.command, source):
-            late = CommandOutcome(ack.command, source, ack.result)
-            if self.desk.answered_late(late, now_s):
-                self.team.note(now_s, mavlink.MAV_SEVERITY_WARNING, f"vehicle {source[0]}", f"{describe(late)}, late")
-
-    def _note(self, outcome: CommandOutcome, now_s: float) -> None:
-        silence = self._silence_of(outcome.target, now_s) if outcome.result is None else ""
-        self.desk.ended(outcome, now_s, silence)
-        severity = mavlink.MAV_SEVERITY_INFO if outcome.accepted else mavlink.MAV_SEVERITY_WARNING
-        self.team.note(now_s, severity, f"vehicle {outcome.target[0]}", describe(outcome) + silence)
-
-    def _silence_of(self, target: SystemComponent, now_s: float) -> str:
-        """Why a component may not have answered, as far as its heartbeats tell."""
-        vehicle = self.team.state(now_s).vehicle(target[0])
-        age_s = vehicle.autopilot_age_s if target[1] == AUTOPILOT else vehicle.onboard_age_s
-        if age_s is None:
-            return "; it is not heard"
-        return f"; silent for {age_s:.0f} s" if age_s >= HEARTBEAT_TIMEOUT_S else ""
+        self._dispatch.acknowledged(ack, now_s)
 
     def _send(self, remote: SystemComponent, message: mavlink.MAVLink_message, now_s: float) -> None:
         """Send to a component; who was never heard cannot be reached."""

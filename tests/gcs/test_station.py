@@ -304,7 +304,7 @@ def test_who_did_not_answer_is_said_to_be_silent_if_it_is(station, remotes, stan
 def test_a_start_that_is_pressed_twice_is_one_and_an_answer_after_the_last_attempt_still_counts(
     station, remotes, stand_by, clock
 ):
-    station.director = None
+    station._dispatch.director = None
     stand_by(FlightState.STANDBY)
     station.desk.submit(Order(Action.START, (2,)))
     station.tick()
