@@ -54,6 +54,7 @@ def write_comparison(flights: Sequence[FlightSeries], path: Path) -> Path:
         facts=[],
         tables=[Table("Flights", header, rows)],
         figures=figures,
+        beside="PNG and SVG",
         captions={name: caption for name, (_, caption) in _FIGURES.items()},
         events=[],
         texts=[],

@@ -61,6 +61,7 @@ class Page:
         facts: Label and value of the most important figures.
         tables: In their order.
         figures: By name, in their order.
+        beside: What lies in the figures' folder beside the page.
         captions: By the figures' names.
         events: In their order.
         texts: Longer ones to be unfolded, by name.
@@ -73,6 +74,7 @@ class Page:
     facts: Sequence[tuple[str, str]]
     tables: Sequence[Table]
     figures: Mapping[str, Figure]
+    beside: str
     captions: Mapping[str, str]
     events: Sequence[EventRow]
     texts: Sequence[tuple[str, str]]
@@ -106,6 +108,7 @@ def write_page(page: Page, path: Path) -> Path:
             facts=page.facts,
             tables=page.tables,
             figures=figures,
+            beside=f"{folder.name}: {page.beside}",
             events=page.events,
             texts=page.texts,
         )

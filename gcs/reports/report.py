@@ -50,6 +50,7 @@ def write_report(flight: FlightSeries, path: Path) -> Path:
         facts=flight_facts(flight),
         tables=[Table("Vehicles", _VEHICLE_HEADER, _vehicle_rows(flight))],
         figures=draw_all(flight),
+        beside="PNG, SVG, and their numbers as CSV",
         captions={name: caption for name, (_, caption) in FIGURES.items()},
         events=[
             EventRow(
