@@ -97,7 +97,10 @@ class Router:
 
     def is_at(self, component: SystemComponent, port: Port) -> bool:
         """Whether a component is known to be at a place."""
-        return self.team_port(component) == port if port.link == TEAM else component in self._guests.get(port, ())
+        if port.link != TEAM:
+            return component in self._guests.get(port, ())
+        heard = self._team.get(component)
+        return heard is not None and heard.port == port
 
     def guest_ports(self, component: SystemComponent) -> set[Port]:
         """Where a component was heard that is not of the team."""
@@ -147,15 +150,17 @@ class Router:
         from_team = came_from.link == TEAM
         if system == BROADCAST:
             ports = [*self._guests, *self._always]
-            ports += [heard.port for known, heard in self._team.items() if known[1] != _ONBOARD]
+            if not from_team:
+                ports += [heard.port for known, heard in self._team.items() if known[1] != _ONBOARD]
         else:
 
             def meant(known: SystemComponent) -> bool:
                 return known[0] == system and component in (BROADCAST, known[1])
 
-            ports = [heard.port for known, heard in self._team.items() if meant(known)]
-            ports += [port for port, components in self._guests.items() if any(map(meant, components))]
-        return [port for port in dict.fromkeys(ports) if port != came_from and not (from_team and port.link == TEAM)]
+            ports = [port for port, components in self._guests.items() if any(map(meant, components))]
+            if not from_team:
+                ports += [heard.port for known, heard in self._team.items() if meant(known)]
+        return [port for port in dict.fromkeys(ports) if port != came_from]
 
     def forget_silent(self, now_s: float) -> None:
         """Drop other ground stations that have gone."""
@@ -167,16 +172,17 @@ class Router:
                 del self._guests[port]
 
     def _receive_from_team(self, source: SystemComponent, port: Port, now_s: float) -> None:
-        for heard_there in self._guests.values():
-            heard_there.pop(source, None)
         heard = self._team.get(source)
         if heard is None:
             self._team[source] = _Heard(port, now_s)
+            for components in self._guests.values():
+                components.pop(source, None)
             return
-        autopilot = self.team_port((source[0], _AUTOPILOT)) if source[1] != _AUTOPILOT else None
         if port == heard.port:
             heard.heard_s = now_s
-        elif heard.port == autopilot or now_s - heard.heard_s > _ROUTE_TIMEOUT_S:
+            return
+        autopilot = self.team_port((source[0], _AUTOPILOT)) if source[1] != _AUTOPILOT else None
+        if heard.port == autopilot or now_s - heard.heard_s > _ROUTE_TIMEOUT_S:
             self._team[source] = _Heard(port, now_s)
         elif port != autopilot:
             if heard.rival != port or now_s - heard.rival_heard_s > _ROUTE_TIMEOUT_S:

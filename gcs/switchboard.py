@@ -181,18 +181,18 @@ class Switchboard:
                 self.rejected += 1
                 continue
             source = source_of(frame)
-            if not self.router.is_at(source, port) and not is_sound(frame):
+            known = self.router.is_at(source, port)
+            if not known and not is_sound(frame):
                 self.rejected += 1  # nobody's orders go where garbage came from
                 continue
-            if link == TEAM and self.router.team_port(source) is None and not self._admits(source, port):
+            if link == TEAM and not known and self.router.team_port(source) is None and not self._admits(source, port):
                 continue
             if link == TEAM and not self._is_genuine(frame, source, arrived_s):
                 continue
             if not self.router.receive(frame, port, arrived_s):
                 continue
-            copy = link == TEAM and self.router.team_port(source) != port
-            if not copy and (link != TEAM or self.router.has_guests):
-                self._pass_on(frame, port)
+            if (known or self.router.is_at(source, port)) and (link != TEAM or self.router.has_guests):
+                self._pass_on(frame, port)  # but not a copy
             self._deliver(frame, source, port, arrived_s)
 
     def _pass_on(self, frame: bytes, came_from: Port) -> None:
