@@ -13,6 +13,7 @@ from onboard.flight.failsafes import Condition
 from onboard.flight.separation import Guard, Obstruction
 from onboard.flight.setpoints import Setpoint
 from onboard.flight.trajectory import PlanTrajectory, Reference
+from onboard.flight.ways import Ways
 from onboard.geometry import Pose
 from onboard.hearing import Hearing
 from onboard.messages import FlightState, LostTeammate, PeerStatus
@@ -51,6 +52,7 @@ class LastResort:
         self._enabled = config.enabled
         mission = scenario.mission
         self._guard = Guard(config, mission.fence, mission.obstacles, mission.obstacle_clearance_m)
+        self._ways = Ways(mission)
         self._keep_m = config.separation_share * scenario.mission.separation_m
         self._layers_m = scenario.mission.layer_separation_m
         self._silence_s = config.silence_s
@@ -159,7 +161,9 @@ class LastResort:
         home = self._homes.get(status.sender)
         if status.over_home or home is None:
             return status.velocity
-        north_m, east_m = home[0] - status.position[0], home[1] - status.position[1]
+        place = status.position[:2]
+        corner = self._ways.between(place, home)[1]
+        north_m, east_m = corner[0] - place[0], corner[1] - place[1]
         away_m = math.hypot(north_m, east_m)
         speed_m_s = max(math.hypot(*status.velocity), self._return_m_s)
         return (speed_m_s * north_m / away_m, speed_m_s * east_m / away_m) if away_m > 0.0 else status.velocity

@@ -65,6 +65,8 @@ class Ways:
         A start or an end that is nearer to something than allowed is left, or reached, straight by the nearest edge.
         Where no way leads there, it is the straight one.
         """
+        if not self._barriers:
+            return [start, end]
         leaving, reaching = self._freed(start), self._freed(end)
         found = self._around(leaving[-1], reaching[-1])
         if found is None:

@@ -172,3 +172,19 @@ def test_what_is_told_of_a_teammate_that_was_heard_later_is_not_believed() -> No
     assert [stray.begin for stray in resort.lying] == [(0.5, 0.5)], "its last witness knows best"
     resort.receive_lost(dataclasses.replace(lost, silence_s=1.6, begin=(1.0, 1.0)), NOW + 3.5)
     assert [stray.begin for stray in resort.lying] == [(0.5, 0.5)]
+
+
+def test_who_falls_silent_on_its_way_home_is_foreseen_around_obstacles() -> None:
+    wall = ((2.0, 1.5), (2.2, 1.5), (2.2, 6.5), (2.0, 6.5))
+    walled = LAB.model_copy(update={"mission": LAB.mission.model_copy(update={"obstacles": (wall,)})})
+    returns = dataclasses.replace(STATUS, state=FlightState.RETURN, position=(2.8, 3.0, -1.7), velocity=(0.0, 0.0))
+    ends = []
+    for scenario in (LAB, walled):
+        resort, _ = last_heard(returns, scenario=scenario)
+        assert resort.obstructions(NOW + SILENT_S + 0.1, (2.8, 2.5), BELOW_M)
+        (stray,) = resort.strays
+        ends.append(stray.end)
+    home = LAB.vehicle(2).home
+    assert (ends[0][0] - 2.8) / (ends[0][1] - 3.0) == pytest.approx((home[0] - 2.8) / (home[1] - 3.0))
+    assert ends[1][0] < 2.8
+    assert ends[1][1] < 3.0, "towards the wall's nearer end"
