@@ -30,7 +30,17 @@ from gcs.vehicle_state import VehicleState
 from onboard.protocol import dialect as mavlink
 from onboard.protocol.commands import Command, CommandOutcome, result_name
 
-__all__ = ["Action", "CommandRecord", "OperatorDesk", "Order", "Outcome", "Way", "command_for", "refusal_reason"]
+__all__ = [
+    "Action",
+    "CommandRecord",
+    "OperatorDesk",
+    "Order",
+    "Outcome",
+    "Way",
+    "command_for",
+    "outcome_text",
+    "refusal_reason",
+]
 
 _RECORDS = 240
 _REASON_WINDOW_S = 1.5
@@ -285,6 +295,13 @@ def refusal_reason(record: CommandRecord, events: Iterable[Event]) -> str | None
         if about and event.spoken and -0.3 <= event.time_s - record.ended_s <= _REASON_WINDOW_S:
             return _REFUSED.sub("", event.text)
     return None
+
+
+def outcome_text(record: CommandRecord, events: Iterable[Event]) -> str:
+    """What became of an order, in words, with the reason where it was not carried out; events newest first."""
+    words = str(record.outcome.value)
+    reason = refusal_reason(record, events) or record.result
+    return words if record.outcome in (Outcome.SENT, Outcome.ACKNOWLEDGED) else f"{words}: {reason}"
 
 
 def _judged(record: CommandRecord, now_s: float) -> CommandRecord:

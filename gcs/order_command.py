@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from gcs.exit_codes import EXIT_BAD_INPUT, EXIT_FAILED, EXIT_INTERRUPTED
 from gcs.joining import joined_station, open_or_join
-from gcs.operator_desk import Action, CommandRecord, OperatorDesk, Order, Outcome, refusal_reason
+from gcs.operator_desk import Action, CommandRecord, OperatorDesk, Order, Outcome, outcome_text
 from gcs.output import open_console
 from gcs.station import GroundStation
 from gcs.team import Event
@@ -70,11 +70,9 @@ def run_order(scenario: Scenario, action: Action, vehicles: Sequence[int], via: 
 
 
 def _ended(record: CommandRecord, events: list[Event]) -> str:
-    if record.outcome is Outcome.ACKNOWLEDGED:
-        return str(record.outcome.value)
     if record.outcome is Outcome.SENT:
         return f"not ended within {_ENDED_WITHIN_S:.0f} s: it may still be carried out"
-    return f"{record.outcome.value}: {refusal_reason(record, reversed(events)) or record.result}"
+    return outcome_text(record, reversed(events))
 
 
 async def _order(

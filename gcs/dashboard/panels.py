@@ -16,7 +16,7 @@ from gcs.dashboard.board import Moment
 from gcs.dashboard.palette import vehicle_colour
 from gcs.dashboard.view import MapBounds
 from gcs.dashboard.wording import SILENT_S, flight_state_text, number, onboard_is_silent, vehicle_is_silent
-from gcs.operator_desk import CommandRecord, Outcome, refusal_reason
+from gcs.operator_desk import CommandRecord, Outcome, outcome_text
 from gcs.team import Event, TeamState
 from gcs.vehicle_state import VehicleState
 
@@ -120,7 +120,8 @@ def command_lines(records: Sequence[CommandRecord], events: Sequence[Event], lim
     """
     lines: dict[tuple[float, str, str, str, Outcome], list[int]] = {}
     for record in reversed(records):
-        answer = (record.time_s, record.action.value, record.to, _outcome_text(record, events), record.outcome)
+        words = "sent, waiting…" if record.outcome is Outcome.SENT else outcome_text(record, events)
+        answer = (record.time_s, record.action.value, record.to, words, record.outcome)
         lines.setdefault(answer, []).append(record.vehicle)
     return "".join(
         f"<p class='{outcome.name.lower()}'><time>{_clock(time_s)}</time> {action} "
@@ -128,16 +129,6 @@ def command_lines(records: Sequence[CommandRecord], events: Sequence[Event], lim
         f"<span class='dim'>({to})</span> <b>{escape(words)}</b></p>"
         for (time_s, action, to, words, outcome), vehicles in list(lines.items())[:limit]
     )
-
-
-def _outcome_text(record: CommandRecord, events: Sequence[Event]) -> str:
-    if record.outcome is Outcome.SENT:
-        return "sent, waiting…"
-    if record.outcome is Outcome.REFUSED:
-        return f"refused: {refusal_reason(record, events) or record.result}"
-    if record.outcome is Outcome.TIMED_OUT:
-        return f"timed out: {record.result}"
-    return str(record.outcome.value)
 
 
 def _row(index: int, vehicle: VehicleState, bounds: MapBounds) -> str:
