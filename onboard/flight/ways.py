@@ -90,7 +90,7 @@ class Ways:
                 return None
             places = np.array(way)
             crossed = _crossings(places[:-1], places[1:], self._edges).any(axis=0)
-            new = [int(index) for index in np.unique(self._owners[crossed])]
+            new = [int(index) for index in np.unique(self._owners[crossed]) if index not in involved]
             if not new:
                 return way
             involved += new
