@@ -70,6 +70,7 @@ def build_page(
         for root in page.roots:
             document.add_root(root)
     document.template = get_env().from_string(files("gcs.dashboard").joinpath("page.html").read_text(encoding="utf-8"))
+    document.config.notify_connection_status = False  # the page says more of it than bokeh would
     document.template_variables.update(theme=page.theme.name, charts=CHARTS, lost=board.lost_text)
     document.js_on_event(ConnectionLost, CustomJS(code="document.getElementById('lost').classList.add('on')"))
     document.js_on_event(ClientReconnected, CustomJS(code="document.getElementById('lost').classList.remove('on')"))
