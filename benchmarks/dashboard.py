@@ -213,7 +213,8 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         config = write_scenario(folder, arguments.vehicles, arguments.targets, free_port())
         log = stack.enter_context((folder / "gcs.log").open("w+"))
-        command = [sys.executable, "-m", "gcs", "gcs", str(config), "--headless", "--dashboard", "--no-record"]
+        record = ["--record", str(folder / "flights")] if arguments.record else ["--no-record"]
+        command = [sys.executable, "-m", "gcs", "gcs", str(config), "--headless", "--dashboard", *record]
         station = stack.enter_context(subprocess.Popen([*command, "--dashboard-port", "5400"], stdout=log, stderr=log))
         stack.callback(station.terminate)
         speaker = [sys.executable, __file__, "--speak", str(config), "--targets", str(arguments.targets)]
@@ -259,6 +260,7 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=20)
     parser.add_argument("--targets", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--record", action="store_true", help="record the flight, too, as `arvi gcs` does by itself")
     parser.add_argument("--screenshot", help="PNG of the page at the end")
     parser.add_argument("--speak", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from gcs.attention import Hole, Listening
@@ -107,8 +106,8 @@ class Event:
     spoken: bool = field(default=False, compare=False)  # how it came here; a recording does not keep it
 
 
-Places = tuple[tuple[int, float, float], ...]
-"""System id, north m and east m of the vehicles that say where they are."""
+Places = tuple[tuple[int, float | None, float | None], ...]
+"""System id, north m and east m of each vehicle: None where it does not say where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,15 +140,6 @@ class TeamState:
     def discovered(self) -> int:
         """How many targets somebody has seen."""
         return sum(target.discovered_s is not None for target in self.targets)
-
-    @property
-    def places(self) -> Places:
-        """Where vehicles say that they are, be it true or not."""
-        return tuple(
-            (vehicle.id, vehicle.north_m, vehicle.east_m)
-            for vehicle in self.vehicles
-            if vehicle.north_m is not None and vehicle.east_m is not None
-        )
 
     def vehicle(self, vehicle_id: int) -> VehicleState:
         """The vehicle with this system id."""
@@ -294,11 +284,10 @@ class TeamMonitor:
             behind_s=self.behind_s,
         )
 
-    def places(self, now_s: float) -> Iterator[tuple[int, float | None, float | None]]:
-        """Each vehicle's id, north and east in m: of the state what changes most often, without the rest."""
-        for vehicle in self._vehicles.values():
-            north_m, east_m, _ = vehicle.place(now_s)
-            yield vehicle.id, north_m, east_m
+    def places(self, now_s: float) -> Places:
+        """Of the state what changes most often, without the rest."""
+        placed = ((vehicle.id, vehicle.place(now_s)) for vehicle in self._vehicles.values())
+        return tuple((vehicle_id, north_m, east_m) for vehicle_id, (north_m, east_m, _) in placed)
 
     def figures(self) -> dict[int, VehicleFigures]:
         """Each vehicle's flight in figures, by system id."""

@@ -162,7 +162,7 @@ class LastResort:
         if status.over_home or home is None:
             return status.velocity
         place = status.position[:2]
-        corner = self._ways.between(place, home)[1]
+        corner = (self._ways.between(place, home) or [place, home])[1]
         north_m, east_m = corner[0] - place[0], corner[1] - place[1]
         away_m = math.hypot(north_m, east_m)
         speed_m_s = max(math.hypot(*status.velocity), self._return_m_s)

@@ -50,7 +50,7 @@ class FlightHistory:
 
     def add(self, team: TeamState) -> None:
         """Take what is due: places for the trails, figures for the charts."""
-        self.add_places(team.time_s, team.places)
+        self.add_places(team.time_s, tuple((v.id, v.north_m, v.east_m) for v in team.vehicles))
         self.add_figures(team)
 
     def add_figures(self, team: TeamState) -> None:

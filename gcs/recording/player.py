@@ -44,7 +44,7 @@ class Player:
     def __init__(self, recording: Recording, speed: float = 1.0, clock: Callable[[], float] = time.monotonic) -> None:
         self.replay = Replay(recording)
         self.samples: dict[int, TeamState] = {0: self.replay.state()}
-        self.places: dict[int, Places] = {0: self.samples[0].places}
+        self.places: dict[int, Places] = {0: self.replay.places_ahead()}
         self.speed = speed
         self.playing = False
         self.jumps = 0
@@ -116,9 +116,7 @@ class Player:
     def _read_ahead(self) -> None:
         self.replay.read_ahead()
         tick = self.replay.read
-        if tick % SAMPLE_TICKS == 0 or tick % PLACE_TICKS == 0:
-            state = self.replay.state_ahead()
-            if tick % SAMPLE_TICKS == 0:
-                self.samples[tick] = state
-            if tick % PLACE_TICKS == 0:
-                self.places[tick] = state.places
+        if tick % SAMPLE_TICKS == 0:
+            self.samples[tick] = self.replay.state_ahead()
+        if tick % PLACE_TICKS == 0:
+            self.places[tick] = self.replay.places_ahead()

@@ -12,7 +12,7 @@ import copy
 from dataclasses import dataclass
 
 from gcs.recording.reader import PhaseMark, Recording
-from gcs.team import Event, TeamMonitor, TeamState
+from gcs.team import Event, Places, TeamMonitor, TeamState
 from onboard.protocol.addressing import source_of
 from onboard.protocol.codec import Codec, message_id
 
@@ -107,6 +107,10 @@ class Replay:
     def state_ahead(self) -> TeamState:
         """The team at the tick until which it has been read ahead."""
         return self._ahead.monitor.state(self.time_of(self._ahead.tick))
+
+    def places_ahead(self) -> Places:
+        """Where the vehicles are at the tick until which it has been read ahead."""
+        return self._ahead.monitor.places(self.time_of(self._ahead.tick))
 
     def _advance(self, cursor: _Cursor) -> None:
         cursor.tick += 1

@@ -36,12 +36,14 @@ class Homing:
     Attributes:
         home: Where it lands, mission frame; it may change on the way.
         since_s: UNIX time at which it set out.
+        straight_through: Whether it goes straight because no way leads around what stands between.
         by_s: UNIX time until which it waits for a good moment to land.
     """
 
     def __init__(self, config: FlightConfig, link: AutopilotLink, home: Pose, ways: Ways | None = None) -> None:
         self.home = home
         self.since_s = -math.inf
+        self.straight_through = False
         self.by_s = math.inf
         self._config = config
         self._link = link
@@ -51,8 +53,10 @@ class Homing:
     def set_out(self, time_s: float, start: Pose) -> Route:
         """The way home from a place, to be flown from a UNIX time on."""
         home = (self.home.north_m, self.home.east_m)
-        corners = [home] if self._ways is None else self._ways.between((start.north_m, start.east_m), home)[1:]
-        way = Route(time_s, start, corners, self._config.return_speed_m_s)
+        place = (start.north_m, start.east_m)
+        found = [place, home] if self._ways is None else self._ways.between(place, home)
+        self.straight_through = found is None
+        way = Route(time_s, start, [home] if found is None else found[1:], self._config.return_speed_m_s)
         self.since_s, self.by_s = time_s, way.end_s + self._config.return_patience_s
         self._arrived_s = math.inf
         return way

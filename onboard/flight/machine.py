@@ -125,7 +125,12 @@ class FlightMachine:
     def _set_out_anew(self, time_s: float) -> None:
         """On the way home: from here on."""
         start = self._link.pose() or self._course.pose(time_s) or self.home
+        self._set_out(time_s, start)
+
+    def _set_out(self, time_s: float, start: Pose) -> None:
         self._course.trajectory = self._homing.set_out(time_s, start)
+        if self._homing.straight_through:
+            self._say(mavlink.MAV_SEVERITY_WARNING, "no way home around obstacles; flying straight")
 
     def rejoin(self, time_s: float) -> bool:
         """Take up a vehicle that this stack flew before it was started anew; whether that is possible now.
@@ -287,7 +292,7 @@ class FlightMachine:
             self._start_stream(previous)
         elif state is FlightState.RETURN:
             self._course.drop_next()
-            self._course.trajectory = self._homing.set_out(time_s, self._course.rest(time_s) or self.home)
+            self._set_out(time_s, self._course.rest(time_s) or self.home)
             self._start_stream(previous)
         elif state is FlightState.LAND:
             self._landing.begin(standing=previous is FlightState.ARM)

@@ -59,18 +59,17 @@ class Ways:
         self._edges = _edges(self._barriers)
         self._owners = np.repeat(np.arange(len(self._barriers)), [len(b.corners) for b in self._barriers])
 
-    def between(self, start: Point, end: Point) -> list[Point]:
-        """Corners of the shortest way, ends included.
+    def between(self, start: Point, end: Point) -> list[Point] | None:
+        """Corners of the shortest way, ends included; None where no way leads there.
 
         A start or an end that is nearer to something than allowed is left, or reached, straight by the nearest edge.
-        Where no way leads there, it is the straight one.
         """
         if not self._barriers:
             return [start, end]
         leaving, reaching = self._freed(start), self._freed(end)
         found = self._around(leaving[-1], reaching[-1])
         if found is None:
-            return [start, end]
+            return None
         return [*leaving[:-1], *found, *reversed(reaching[:-1])]
 
     def _freed(self, place: Point) -> list[Point]:

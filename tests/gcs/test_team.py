@@ -178,7 +178,7 @@ def test_with_gps_a_vehicle_is_where_it_is_on_earth_whatever_its_local_frame(hea
     assert first.east_m == pytest.approx(0.05 * 1852.0 * math.cos(math.radians(latitude)), rel=5e-3)
     assert (first.height_m, first.speed_m_s) == pytest.approx((5.0, 5.0), abs=1e-3)
     assert second.north_m is None, "nowhere, not at 0, 0 off Africa"
-    assert next(team.places(T0)) == (1, first.north_m, first.east_m)
+    assert team.places(T0)[0] == (1, first.north_m, first.east_m)
 
 
 def test_how_many_targets_there_are(team, scenario, heard):

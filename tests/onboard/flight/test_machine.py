@@ -7,12 +7,14 @@ from collections.abc import Callable
 import pytest
 
 from onboard.config.flight import FlightConfig
+from onboard.config.mission import MissionConfig
 from onboard.config.vehicle import VehicleConfig
 from onboard.flight.autopilot import BEHAVIOURS, AutopilotLink
 from onboard.flight.failsafes import Condition
 from onboard.flight.homing import AT_HOME_M, OVER_HOME_M, SLOW_M_S
 from onboard.flight.machine import FlightMachine
 from onboard.flight.trajectory import PlanTrajectory
+from onboard.flight.ways import Ways
 from onboard.geometry import Pose
 from onboard.messages import FlightState
 from onboard.planning.primitives import Primitive
@@ -26,6 +28,9 @@ TAKEOFF_M_S = 1.0
 LAG_S = 0.1
 """Of the velocity; what it takes to reach it shows in the attitude."""
 VEHICLE = VehicleConfig.model_validate({"id": 1, "home": (1.0, 2.0), "layer_m": 1.5})
+WALLED_IN = ((0.2, 1.2, 0.1, 1.6), (1.7, 1.2, 0.1, 1.6), (0.2, 1.2, 1.6, 0.1), (0.2, 2.7, 1.6, 0.1))
+"""South and west corner, height and width of four walls around its home, m."""
+
 FAMILIES = list(BEHAVIOURS)
 LOST = -1
 """Instead of a MAV_RESULT: the command does not arrive."""
@@ -36,10 +41,10 @@ SetpointMessage = mavlink.MAVLink_set_position_target_local_ned_message
 class Flight:
     """A machine, its link, and an autopilot that follows setpoints at once and obeys unless told otherwise."""
 
-    def __init__(self, family: str = "px4") -> None:
+    def __init__(self, family: str = "px4", ways: Ways | None = None) -> None:
         self.link = AutopilotLink(1, timeout_s=4.5, expected=family)
         at_once = FlightConfig(velocity_delay_s=0.0, velocity_lag_s=0.0)  # as this autopilot answers
-        self.machine = FlightMachine(at_once, VEHICLE, self.link)
+        self.machine = FlightMachine(at_once, VEHICLE, self.link, ways=ways)
         self.behaviour = BEHAVIOURS[family]
         self.time_s = 100.0
         self.boot_s = 0.0
@@ -610,6 +615,17 @@ def test_with_its_home_taken_it_lands_where_it_is_told(flight: Flight) -> None:
     flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=8.0)
     assert flight.position[:2] == pytest.approx([1.0, 4.0], abs=AT_HOME_M)
     assert any("landing 2.0 m from it" in text for text in flight.texts)
+
+
+def test_it_says_so_when_no_way_leads_home() -> None:
+    box = [((n, e), (n + high, e), (n + high, e + wide), (n, e + wide)) for n, e, high, wide in WALLED_IN]
+    mission = MissionConfig(fence=((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)), obstacles=tuple(box))
+    flight = Flight(ways=Ways(mission))
+    flight.fly_to(FlightState.TRACK)
+    flight.run(2.0)
+    flight.machine.land(flight.time_s)
+    flight.until(lambda: flight.machine.state is FlightState.LAND, limit_s=8.0)
+    assert any("no way home around obstacles; flying straight" in text for text in flight.texts)
 
 
 def test_it_is_adrift_while_its_autopilot_does_not_follow_or_is_not_heard(flight: Flight) -> None:
